@@ -7,7 +7,7 @@ import numpy as np
 
 from bags import simulated_arms
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.writing.write import write_bag
 
 FOLDER = Path(__file__).parent
 SECONDS, RATE, SEED = 20.0, 1000.0, 20170401

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.model import DynamicParameters, RobotModel, load_robot
-from idim_iv_ros.recording import JointTopic
+from idim_iv_ros.recording.writing.write import JointTopic
 from idim_iv_ros.simulation import (
     ControlLaw,
     SimulatedRecording,

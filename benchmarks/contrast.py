@@ -30,7 +30,7 @@ from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.result import ContrastResult
 from idim_iv_ros.identification.prepare import read_configured
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 STEPS = 16  # of MuJoCo's plant in one period of the law
 SMOOTH = 0.001  # rad/s, below which its dry friction falls to zero

@@ -15,7 +15,7 @@ JOINTS = [f"joint_{k}" for k in range(1, 7)]
 
 
 def make_bag() -> None:
-    from idim_iv_ros.recording import JointTopic, write_bag
+    from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
     random = np.random.default_rng(0)
     values = random.normal(size=(MESSAGES, 6)).cumsum(axis=0) * 1e-3
@@ -36,7 +36,7 @@ def peer() -> None:
 
 
 def ours() -> None:
-    from idim_iv_ros.recording import read_recordings
+    from idim_iv_ros.recording.read import read_recordings
 
     started = time.perf_counter()
     (recording,) = read_recordings([BAG], joints=JOINTS)

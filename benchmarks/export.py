@@ -20,7 +20,7 @@ import pinocchio as pin
 
 from benchmarks.measurement import write_page
 from idim_iv_ros import diagnose, export, identify, load_configuration
-from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import build_inverse_model, read_urdf_text
 from idim_iv_ros.simulator_files.kept_files import with_values

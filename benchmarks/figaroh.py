@@ -119,7 +119,7 @@ def make_bag() -> None:
     from dataclasses import replace
 
     from bags import simulated_arms
-    from idim_iv_ros.recording import JointTopic, write_bag
+    from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
     arm = simulated_arms.arm6(seconds=IV_SAMPLES / RATE, rate=RATE)
     arm = replace(arm, law=replace(arm.law, period=1.0 / RATE))

@@ -11,12 +11,13 @@ import numpy as np
 
 from idim_iv_ros import identify_recordings, load_configuration
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.model import build_inverse_model, read_urdf_file
-from idim_iv_ros.prediction import IdentifiedModel, JointSamples, LivePrediction, identified_model
-from idim_iv_ros.prediction.identified_model import joint_levels
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.prediction.identified_model import IdentifiedModel, identified_model, joint_levels
+from idim_iv_ros.prediction.live import LivePrediction
+from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulators.recording import simulate
 from idim_iv_ros.types import FloatArray
 
@@ -70,8 +71,8 @@ def played(
         newest = live.newest(now)
         if not newest.reason:
             predictions.append(((newest.stamp - 10**15) // 1_000_000, newest.predicted))
-        if first % 1000 == 0 and live.rate is not None:
-            levels = joint_levels(model, live.rows, live.rate, 1.0)
+        if first % 1000 == 0 and live.window is not None:
+            levels = joint_levels(model, live.rows, live.window.rate, 1.0)
             warnings.append((first / RATE, any(level.beyond for level in levels)))
     return live, predictions, warnings
 
@@ -94,7 +95,7 @@ def speed_and_agreement(folder: Path) -> None:
     rms = np.sqrt((error**2).sum(axis=0) / rows.counts.sum(axis=0)) / model.noise_floor
     print("| seven joints, 1 kHz, 20 predictions a second | |\n|---|---|")
     print(f"| processor time of the prediction, share of one core | {100 * share:.1f} % |")
-    print(f"| filters wait for | {live.lag:.3f} s |")
+    print(f"| filters wait for | {live.window.lag:.3f} s |")
     print(
         "| rows live less rows offline, RMS over the noise floor, best to worst joint | "
         f"{rms.min():.3f} to {rms.max():.3f} |"

@@ -18,7 +18,7 @@ BAG = Path(tempfile.gettempdir()) / "idim_iv_one_hour.mcap"
 def make_bag() -> None:
     """A minute of the seven-joint arm, repeated."""
     from bags import simulated_arms
-    from idim_iv_ros.recording import JointTopic, write_bag
+    from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
     arm = simulated_arms.arm7(seconds=60.0)
     record = simulated_arms.record(arm, 1)

@@ -26,9 +26,9 @@ from benchmarks.measurement import write_page
 from idim_iv_ros import diagnose, export, load_configuration, replay_bags
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.effects.registry import BY_NAME
-from idim_iv_ros.excitation import Trajectory, random_motion
-from idim_iv_ros.excitation.excite import load_model
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.excitation.excite import load_model, random_motion
+from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco

@@ -92,7 +92,7 @@ def main() -> None:
     import rclpy
 
     from idim_iv_ros import load_configuration
-    from idim_iv_ros.excitation import random_motion
+    from idim_iv_ros.excitation.excite import random_motion
     from idim_iv_ros.simulators.recording import simulate
 
     checkouts = {"this": ROOT, **({"before": Path(sys.argv[1])} if len(sys.argv) > 1 else {})}

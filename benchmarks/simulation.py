@@ -19,7 +19,7 @@ def simulate():
     from pathlib import Path
 
     from idim_iv_ros import load_configuration
-    from idim_iv_ros.excitation import random_motion
+    from idim_iv_ros.excitation.excite import random_motion
     from idim_iv_ros.simulation import simulate_closed_loop
     from idim_iv_ros.simulators.recording import simulated_robot
 

@@ -13,18 +13,22 @@ if TYPE_CHECKING:
     from idim_iv_ros.diagnosis.diagnose import diagnose
     from idim_iv_ros.diagnosis.result import GapResult
     from idim_iv_ros.errors import DataError, IdimError, UsageError
-    from idim_iv_ros.excitation import Trajectory, excite, read_trajectory
-    from idim_iv_ros.first_configuration import propose_configuration, write_configuration
+    from idim_iv_ros.excitation.excite import excite
+    from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory
+    from idim_iv_ros.first_configuration.proposal import propose_configuration, write_configuration
     from idim_iv_ros.fleet.commands import Fleet, diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
-    from idim_iv_ros.recording import Recording, import_table, read_recordings, write_bag
-    from idim_iv_ros.report import write_gap_report, write_replay_report, write_report
+    from idim_iv_ros.recording.read import read_recordings
+    from idim_iv_ros.recording.recording import Recording
+    from idim_iv_ros.recording.table import import_table
+    from idim_iv_ros.recording.writing.write import write_bag
+    from idim_iv_ros.report.write import write_gap_report, write_replay_report, write_report
     from idim_iv_ros.servo.identify import identify_servos
     from idim_iv_ros.servo.result import ServoResult
-    from idim_iv_ros.simulator_files import Exported, export
+    from idim_iv_ros.simulator_files.export import Exported, export
     from idim_iv_ros.simulators.replay import replay_bags
     from idim_iv_ros.simulators.replay_result import ReplayResult
 
@@ -68,16 +72,20 @@ __all__ = [
 _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
     "errors": ("DataError", "IdimError", "UsageError"),
-    "excitation": ("Trajectory", "excite", "read_trajectory"),
-    "simulator_files": ("Exported", "export"),
-    "first_configuration": ("propose_configuration", "write_configuration"),
+    "excitation.excite": ("excite",),
+    "excitation.trajectory": ("Trajectory", "read_trajectory"),
+    "simulator_files.export": ("Exported", "export"),
+    "first_configuration.proposal": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("GapResult",),
     "fleet.commands": ("Fleet", "diagnose_fleet", "identify_fleet"),
     "fleet.run": ("FleetRun",),
     "identification.identify": ("identify", "identify_recordings"),
-    "recording": ("Recording", "import_table", "read_recordings", "write_bag"),
-    "report": ("write_gap_report", "write_replay_report", "write_report"),
+    "recording.read": ("read_recordings",),
+    "recording.recording": ("Recording",),
+    "recording.table": ("import_table",),
+    "recording.writing.write": ("write_bag",),
+    "report.write": ("write_gap_report", "write_replay_report", "write_report"),
     "servo.identify": ("identify_servos",),
     "servo.result": ("ServoResult",),
     "simulators.replay": ("replay_bags",),

@@ -24,8 +24,6 @@ class UsageError(IdimError):
 class DataError(IdimError):
     """The recording or the model cannot support the answer that was asked for."""
 
-    exit_status = 1
-
 
 class ReportWarning(UserWarning):
     """A part of a report cannot be drawn or written; the numbers are complete all the same."""

@@ -18,12 +18,11 @@ class Stopwatch:
     """Context manager that adds the seconds of each stage to `timing`.
 
     - `progress`: called at the start of each stage with its name and the share that is done, 0 to 1
-    - `timing`: continued if given
     """
 
-    def __init__(self, progress: Progress | None, timing: dict[str, float] | None = None):
+    def __init__(self, progress: Progress | None):
         self.progress = progress
-        self.timing = {} if timing is None else timing
+        self.timing: dict[str, float] = {}
         self._stage: str | None = None
         self._since = 0.0
 

@@ -11,8 +11,8 @@ import pytest
 from idim_iv_ros import UsageError, write_bag, write_report
 from idim_iv_ros.encoding import SPELT, json_text, named, shell_command
 from idim_iv_ros.files import require_replaceable, signed, written_by_program
-from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.writing.growing_bag import GrowingMcap
+from idim_iv_ros.recording.writing.write import JointTopic
 from idim_iv_ros.schemas import schema_texts
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result

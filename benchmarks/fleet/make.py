@@ -11,8 +11,9 @@ import numpy as np
 
 from benchmarks.fleet.arms import DRIFTING, PLANTED, TYPE, Drifting, Planted, drawn, in_bag
 from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.excitation import Trajectory, random_motion
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.excitation.excite import random_motion
+from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 
@@ -111,9 +112,7 @@ def write_one(
         effects=tuple(SimulatedEffect(name, joint, dict(v)) for name, joint, v in beyond),
     )
     record = robot.record(motion, int(random.integers(2**31)))
-    write_bag(
-        path, recorded_topics(whole, robot, record), robot_description=robot.description, force=True
-    )
+    write_bag(path, recorded_topics(robot, record), robot_description=robot.description, force=True)
 
 
 def damage(path: Path, number: int) -> None:

@@ -13,7 +13,7 @@ from benchmarks.hostile.nuisances import Nuisances
 from benchmarks.hostile.plants import Run
 from benchmarks.hostile.session import HostileSession
 from benchmarks.withheld_effects.sensors import frozen
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 FloatArray = NDArray[np.float64]
 PAUSE = 5.0  # s between two recordings

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros import Configuration, IdentificationResult, identify, load_configuration
-from idim_iv_ros.excitation import Trajectory, random_motion
+from idim_iv_ros.excitation.excite import random_motion
+from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.simulators.recording import simulate
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "tx40.yaml"

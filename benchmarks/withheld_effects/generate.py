@@ -24,7 +24,7 @@ from benchmarks.withheld_effects.cells import MASTER_SEED, Cell, chosen_cells
 from benchmarks.withheld_effects.robot import given_robot
 from benchmarks.withheld_effects.session import Session, make_session
 from benchmarks.withheld_effects.world import Runaway
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 LABELS, SEAL, OPTIONS = "labels.sealed.json", "labels.sha256", "options.json"
 

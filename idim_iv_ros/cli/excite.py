@@ -10,10 +10,12 @@ from rich.console import Console
 from typer import Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import Output, print_marked, print_table
+from idim_iv_ros.cli.output import Output, print_table
 
 if TYPE_CHECKING:
-    from idim_iv_ros.excitation import Diagnosis, Excitation, LimitUse, MotionLimits
+    from idim_iv_ros.excitation.diagnosis import Diagnosis
+    from idim_iv_ros.excitation.excite import Excitation
+    from idim_iv_ros.excitation.limits import LimitUse, MotionLimits
     from idim_iv_ros.model import InverseModel
 
 _fourier = partial(Option, rich_help_panel="For identification")
@@ -73,22 +75,24 @@ def excite_command(
     """
     import numpy as np
 
-    from idim_iv_ros import excitation as motions
     from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.excitation.design import DesignSettings
+    from idim_iv_ros.excitation.diagnosis import design_diagnosis
+    from idim_iv_ros.excitation.excite import excite, load_model, servo_motion
+    from idim_iv_ros.excitation.files import diagnosis_document, require_place, write_motion
+    from idim_iv_ros.excitation.limits import motion_limits
 
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    model = motions.load_model(configuration)
+    model = load_model(configuration)
     given = None if acceleration is None else shared.numbers("--acceleration", acceleration)
-    limits = motions.motion_limits(
-        model, configuration, margin=margin, acceleration=given, floor=floor
-    )
+    limits = motion_limits(model, configuration, margin=margin, acceleration=given, floor=floor)
     posture = None if start is None else np.array(shared.numbers("--start", start))
-    print_marked(output.console, "Warning", model.robot.doubts, "yellow")
-    motions.require_place(out, force=force)
+    output.warn(model.robot.doubts)
+    require_place(out, force=force)
     with output.progress() as progress:
         if purpose == "diagnosis":
-            diagnosis = motions.design_diagnosis(
+            diagnosis = design_diagnosis(
                 model,
                 limits,
                 configuration,
@@ -99,22 +103,22 @@ def excite_command(
                 progress=progress,
             )
             trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency
-            document = motions.diagnosis_document(model.robot.name, limits, diagnosis, seed)
+            document = diagnosis_document(model.robot.name, limits, diagnosis, seed)
         elif purpose == "servo":
-            trajectory, fastest, document = motions.servo_motion(
+            trajectory, fastest, document = servo_motion(
                 configuration, limits, rate=rate, seed=seed
             )
         else:
-            settings = motions.DesignSettings(
+            settings = DesignSettings(
                 period, repeats, rate, harmonics, seed, time_limit, posture, criterion
             )
-            excitation = motions.excite(
+            excitation = excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
             trajectory, fastest = excitation.design.trajectory, harmonics / period
             document = dict(excitation.document)
         points = min(rate, max(_LEAST_MESSAGE_RATES[purpose], _POINTS_PER_PERIOD * fastest))
-        paths = motions.write_motion(out, trajectory, document, message_rate=points, force=force)
+        paths = write_motion(out, trajectory, document, message_rate=points, force=force)
     output.document(document)
     if purpose == "diagnosis":
         _print_segments(output.console, model, limits, diagnosis)

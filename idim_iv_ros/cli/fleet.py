@@ -82,7 +82,7 @@ def fleet_command(
     from idim_iv_ros.fleet.commands import diagnose_fleet, identify_fleet
     from idim_iv_ros.fleet.run import FleetRun
     from idim_iv_ros.fleet.table import FILE, write_table
-    from idim_iv_ros.report import require_writable, write_report
+    from idim_iv_ros.report.write import require_writable, write_report
 
     output = Output(quiet=quiet)
     run = FleetRun(source, config, out, scheduler, workers)
@@ -122,7 +122,7 @@ def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
 
 def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
     """Write the reports of the diagnosed robots, and return their addresses by robot."""
-    from idim_iv_ros.report import write_report
+    from idim_iv_ros.report.write import write_report
 
     pages = {}
     bags = {screened.robot: screened.bags for screened in answer.result.screen}

@@ -11,7 +11,7 @@ from rich.text import Text
 from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_marked, print_table
+from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import RESULT, SERVO, signed, write_together
 
@@ -112,9 +112,12 @@ def identify_command(
     result, numbers, page = output.produce(
         identify, bags, config, RESULT, out, force=force, estimator=estimator
     )
-    output.warn_quietly([*result.doubts, *data_warnings(result)])
     print_parameters(output.console, result)
     print_verdict(output.console, result)
+    output.warn(result.doubts)
+    for advice in result.processing.advice:
+        output.line(f"Advice: {advice}")
+    output.warn(data_warnings(result))
     if result.verdict.verdict == "misspecified":
         output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
     print_physical(output, result, numbers, config)
@@ -186,9 +189,6 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
     lines.append(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}")
     for line in lines:
         console.print(Text(line))
-    print_marked(console, "Warning", result.doubts, "yellow")
-    print_marked(console, "Advice", result.processing.advice, "yellow")
-    print_marked(console, "Warning", data_warnings(result), "yellow")
 
 
 def data_warnings(result: IdentificationResult) -> list[str]:
@@ -296,11 +296,10 @@ def compare_command(
     Example: idim-iv compare monday/result.json friday/result.json --out compared
     """
     from idim_iv_ros.identification.compare import compare_results
-    from idim_iv_ros.report import require_writable
-    from idim_iv_ros.report.compare import compare_html, compare_step
-    from idim_iv_ros.report.numerals import measured, number
+    from idim_iv_ros.report.compare import compare_html, compare_step, pair_words
     from idim_iv_ros.report.section import Files
     from idim_iv_ros.report.sections.provenance import configuration_text
+    from idim_iv_ros.report.write import require_writable
 
     output = Output(quiet=quiet, as_json=as_json)
     comparison = compare_results(first, second)
@@ -319,14 +318,9 @@ def compare_command(
         f"{comparison.robot}: base parameters, those that differ most first",
         ("base parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference"),
         [
-            (
-                pair.words,
-                " ".join(measured(pair.first, pair.first_std)),
-                " ".join(measured(pair.second, pair.second_std)),
-                pair.unit,
-                f"{number(pair.deviations, 2)} σ",
-            )
+            (pair.words, first_value, second_value, pair.unit, apart)
             for pair in comparison.pairs
+            for first_value, second_value, apart in [pair_words(pair)]
         ],
         most=None if verbose else max(_SHOWN, sum(pair.differs for pair in comparison.pairs)),
     )

@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, write_together
 
@@ -48,7 +48,10 @@ def init_command(
     out = out or Path("my_arm.yaml")
     require_file_place([out], force=force)
     with output.progress() as progress:
-        from idim_iv_ros.first_configuration import propose_configuration, write_configuration
+        from idim_iv_ros.first_configuration.proposal import (
+            propose_configuration,
+            write_configuration,
+        )
 
         proposal = propose_configuration(bags, urdf, driver=driver, progress=progress)
         write_configuration(proposal, out, force=force)
@@ -63,7 +66,6 @@ def init_command(
             "warnings": list(proposal.warnings),
         }
     )
-    output.warn_quietly(proposal.warnings)
     rows = []
     for section, keys in values.items():
         for name, value in keys.items():
@@ -74,7 +76,7 @@ def init_command(
     print_table(output.console, "", ("key", "value", "why"), rows)
     if proposal.left_out:
         print_table(output.console, "Left out", ("joint", "why"), list(proposal.left_out.items()))
-    print_marked(output.console, "Warning", proposal.warnings, "yellow")
+    output.warn(proposal.warnings)
     output.line(f"Written: {out}")
     servo = values["signals"].get("effort") == NO_EFFORT
     following = ("servo", "--out", "servos") if servo else ("check",)
@@ -117,7 +119,7 @@ def import_command(
     Example: idim-iv init log.csv --out map.yaml; idim-iv import run.mcap --columns map.yaml
     """
     from idim_iv_ros.model import read_urdf_file
-    from idim_iv_ros.recording import import_table
+    from idim_iv_ros.recording.table import import_table
 
     output = Output(quiet=quiet, as_json=as_json)
     described = None if urdf is None else read_urdf_file(urdf)

@@ -62,7 +62,7 @@ class Output:
         --json.
         """
         from idim_iv_ros.configuration import load_configuration
-        from idim_iv_ros.report import require_writable, write_report
+        from idim_iv_ros.report.write import require_writable, write_report
 
         numbers = page = None
         configuration, recordings = load_configuration(config), [*bags, *options.get("against", ())]
@@ -90,15 +90,13 @@ class Output:
         """Print text without markup and line breaks, so that paths stay whole."""
         self.console.print(Text(text), soft_wrap=True)
 
-    def warn_quietly(self, warnings: Iterable[str]) -> None:
-        """Print warnings on stderr if the tables that contain them are not printed."""
-        if self.console.quiet:
-            self.warn(warnings)
-
     def warn(self, warnings: Iterable[str]) -> None:
-        """Print warnings on stderr."""
+        """Print warnings among the tables; on stderr where these are not printed."""
         for warning in warnings:
-            print(f"Warning: {warning}", file=sys.stderr)
+            if self.console.quiet:
+                print(f"Warning: {warning}", file=sys.stderr)
+            else:
+                self.console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
 
     def document(self, content: Mapping[str, object]) -> None:
         """Print the result as JSON, if --json was given."""
@@ -149,12 +147,6 @@ def report_warnings() -> Iterator[None]:
             warnings.warn_explicit(
                 warning.message, warning.category, warning.filename, warning.lineno
             )
-
-
-def print_marked(console: Console, mark: str, texts: Iterable[str], style: str = "") -> None:
-    """Print texts, one a line, each after the same word: ``Note: …``."""
-    for text in texts:
-        console.print(Text.assemble((f"{mark}:", style), f" {text}"))
 
 
 def next_command(command: str, bags: Sequence[Path | str], config: Path, *options: str) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from idim_iv_ros.cli import arguments as shared
-from idim_iv_ros.cli.output import Output, next_command, print_marked, print_table
+from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.files import REPLAY, SIMULATION_FORMAT
 
 _TITLES = {
@@ -54,7 +54,8 @@ def simulate_command(
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     with output.progress() as progress:
-        from idim_iv_ros.excitation import random_motion, read_trajectory
+        from idim_iv_ros.excitation.excite import random_motion
+        from idim_iv_ros.excitation.trajectory import read_trajectory
         from idim_iv_ros.model import configured_robot, read_urdf_file
         from idim_iv_ros.model.parameters import unit_at
         from idim_iv_ros.simulators import recording
@@ -72,7 +73,7 @@ def simulate_command(
     output.document({"format": SIMULATION_FORMAT, "bags": written, "truth": str(truth)})
     if (urdf := configuration.robot.description) is not None:
         robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
-        print_marked(output.console, "Warning", robot.doubts, "yellow")
+        output.warn(robot.doubts)
     rows = []
     for column, (joint, kind) in enumerate(
         zip(configuration.robot.joints, bags[0].joint_types, strict=True)
@@ -137,7 +138,7 @@ def export_command(
     Example: idim-iv export why/gap.json --config ur5.yaml --out simulator
     """
     from idim_iv_ros.configuration import load_configuration
-    from idim_iv_ros.simulator_files import export
+    from idim_iv_ros.simulator_files.export import export
 
     output = Output(quiet=quiet, as_json=as_json)
     paths = export(

@@ -8,7 +8,6 @@ import numpy as np
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import streamed_r_factor
-from idim_iv_ros.excitation.fourier import FourierBasis
 from idim_iv_ros.excitation.limits import MotionLimits, MovingFrames
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel
@@ -33,8 +32,7 @@ class ExcitationCost:
     model: InverseModel
     limits: MotionLimits
     frames: MovingFrames
-    basis: FourierBasis
-    shapes: FloatArray  # (3, n_samples, size): of the basis on the grid
+    shapes: FloatArray  # (3, n_samples, size): of a Fourier basis on the grid
     row_weights: FloatArray  # (n_joints,)
     start: FloatArray | None  # (n_joints,) or None: posture at rest; None: it is chosen too
     power: float  # p
@@ -56,25 +54,27 @@ class ExcitationCost:
 
         Raises DataError: they are no finite numbers.
         """
-        start, coefficients = self.unpack(x)
+        limits, (start, coefficients) = self.limits, self.unpack(x)
         states = self.shapes @ coefficients
         states[0] += start
-        q = states[0]
+        q = states[0].copy()
         regressor, slopes = self._regressors(states)
         value, by_entry = self._criterion(regressor)
-        cost, by_torque = self._torque_penalty(regressor)
-        value += cost
-        if by_torque is not None:
+        if limits.torque_known:
+            cost, by_torque = self._penalty(regressor @ self.model.given, limits.torque)
+            value += cost
             by_entry += by_torque[:, :, None] * self.model.given
         by_state = np.einsum("sjc,ksjc->ks", by_entry, slopes, optimize=True)
         by_state = by_state.reshape(3, len(start), len(q)).transpose(0, 2, 1)
-        cost, by_box = self._box_penalty(states)
+        states[0] -= limits.middle
+        box = np.stack([limits.half_range, limits.velocity, limits.acceleration])
+        cost, by_box = self._penalty(states, box[:, None])
         value += cost
         by_state = by_state + by_box
         cost, by_height = self._floor_penalty(q)
         value += cost
         by_state[0] += by_height
-        scale = self.limits.half_range
+        scale = limits.half_range
         gradient = sum(s.T @ g for s, g in zip(self.shapes, by_state, strict=True)) * scale
         by_start = np.zeros(len(start)) if self.start is not None else by_state[0].sum(0) * scale
         slope = np.concatenate([by_start, np.ravel(gradient)])
@@ -137,18 +137,6 @@ class ExcitationCost:
         by_entry = ((left * by_sigma) @ right).reshape(rows.shape)
         return float(value), by_entry * self.row_weights[:, None]
 
-    def _torque_penalty(self, regressor: FloatArray) -> tuple[float, FloatArray | None]:
-        if not self.limits.torque_known:
-            return 0.0, None
-        return self._penalty(regressor @ self.model.given, self.limits.torque)
-
-    def _box_penalty(self, states: FloatArray) -> tuple[float, FloatArray]:
-        limits = self.limits
-        values = states.copy()
-        values[0] -= limits.middle
-        box = np.stack([limits.half_range, limits.velocity, limits.acceleration])
-        return self._penalty(values, box[:, None])
-
     def _penalty(self, values: FloatArray, limit: FloatArray) -> tuple[float, FloatArray]:
         """Penalty for values beyond their limit, and its derivatives by the values."""
         allowed = self.limits.margin * limit
@@ -200,9 +188,7 @@ def weighted_r_factor(model: InverseModel, motion: Trajectory, weights: FloatArr
     def blocks() -> Iterator[FloatArray]:
         for start in range(0, len(motion.position), _BLOCK):
             block = slice(start, start + _BLOCK)
-            matrix = model.matrix(
-                motion.position[block], motion.velocity[block], motion.acceleration[block]
-            )
+            matrix = model.matrix(*(signal[block] for signal in motion.signals))
             yield (matrix * weights[:, None]).reshape(-1, matrix.shape[2])
 
     return streamed_r_factor(blocks(), len(model.base.columns))

@@ -159,7 +159,6 @@ class Search:
             model=model,
             limits=limits.narrowed(),
             frames=frames,
-            basis=self.basis,
             shapes=self.basis.shapes(np.arange(points) * settings.period / points),
             row_weights=weights,
             start=settings.start,

@@ -93,9 +93,7 @@ def limit_use(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> Li
     frame = int(np.argmin(lowest))
     torque = None
     if limits.torque_known:
-        predicted = inverse_dynamics(
-            robot, robot.given, motion.position, motion.velocity, motion.acceleration
-        )
+        predicted = inverse_dynamics(robot, robot.given, *motion.signals)
         torque = np.abs(predicted).max(axis=0) / limits.torque
     return LimitUse(
         position=np.abs(motion.position - limits.middle).max(axis=0) / limits.half_range,

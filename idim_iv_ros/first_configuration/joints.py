@@ -37,6 +37,7 @@ def choose_joints(
     Raises UsageError: not a URDF; see `read_urdf_text`; DataError: no joint is left.
     """
     robot = read_urdf_text(urdf, source)
+    arrays = [topic.name for topic in bags[0].topics if topic.numbers]
     chosen, left_out, warnings = [], {}, []
     for _, joint in robot.outward():
         if joint is None or joint.type == "fixed":
@@ -44,7 +45,7 @@ def choose_joints(
         name = joint.name
         position = [_contents(bag, states, name) for bag in bags]
         effort: Sequence[JointContents | None] = position
-        needless = efforts is None or _is_array(bags[0], efforts)
+        needless = efforts is None or efforts in arrays
         if efforts is not None:
             effort = [_contents(bag, efforts, name) for bag in bags]
         reason = _why_not(joint, position, effort, needless)
@@ -99,10 +100,6 @@ def _why_not(
 
 def _is_gripper(joint: UrdfJoint) -> bool:
     return _GRIPPER.search(joint.name) is not None
-
-
-def _is_array(bag: BagContents, name: str) -> bool:
-    return any(topic.name == name and topic.numbers for topic in bag.topics)
 
 
 def _contents(bag: BagContents, name: str, joint: str) -> JointContents | None:

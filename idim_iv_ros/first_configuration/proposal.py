@@ -10,9 +10,9 @@ import numpy as np
 from pydantic.fields import FieldInfo
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
-from threadpoolctl import threadpool_limits
 
-from idim_iv_ros.configuration import Configuration, RobotSection, Section, SignalsSection
+from idim_iv_ros.compilation import one_thread
+from idim_iv_ros.configuration import Configuration, Section
 from idim_iv_ros.encoding import named
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import (
@@ -25,11 +25,10 @@ from idim_iv_ros.files import (
     write_together,
 )
 from idim_iv_ros.first_configuration.drivers import SOURCES, DriverPreset, read_driver
-from idim_iv_ros.first_configuration.joints import JointChoice, choose_joints
+from idim_iv_ros.first_configuration.joints import choose_joints
 from idim_iv_ros.first_configuration.signals import guess_effort_unit, propose_law
 from idim_iv_ros.first_configuration.topics import (
     BagContents,
-    TopicChoice,
     choose_states,
     choose_topics,
     read_contents,
@@ -109,7 +108,7 @@ def propose_configuration(
     """
     paths = as_paths(bags)
     preset = None if driver is None else read_driver(driver)
-    with threadpool_limits(limits=1, user_api="blas"), Stopwatch(progress) as watch:
+    with one_thread(), Stopwatch(progress) as watch:
         watch.stage("looking through the bag", 0.0)
         contents = [read_contents(path) for path in paths]
         text, source = _description(contents, None if urdf is None else Path(urdf))
@@ -119,9 +118,9 @@ def propose_configuration(
         servo = effort is None and not states.with_effort()
         efforts = topic_of(named.get("effort", "")) or (effort or states).name
         joints = choose_joints(text, source, contents, states.name, None if servo else efforts)
-        topics = choose_topics(contents, joints.joints, wanted)
-        sources = _sources(topics, named)
-        reasons = {("signals", key): reason for key, reason in topics.reasons.items()}
+        topics, why = choose_topics(contents, joints.joints, wanted)
+        sources = {**topics, **named}  # those of the driver where it names them
+        reasons = {("signals", key): reason for key, reason in why.items()}
         values: dict[str, dict[str, object]] = {
             "robot": {"joints": list(joints.joints)},
             "signals": dict(sources),
@@ -133,7 +132,10 @@ def propose_configuration(
             reasons["signals", "effort"] = "no bag has any: `idim-iv servo` identifies the servos"
         else:
             watch.stage("reading", 0.3)
-            configuration = _configuration(None if urdf is None else Path(urdf), joints, sources)
+            robot = {} if urdf is None else {description_key(Path(urdf)): Path(urdf)}
+            configuration = Configuration.model_validate(
+                {"robot": {**robot, **values["robot"]}, "signals": sources}
+            )
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)
@@ -173,16 +175,6 @@ def _from_efforts(
     limits = prepared.model.robot.limits.effort
     finite = bool((limits > 0.0).all() and np.isfinite(limits).all())
     return tuple(warnings), tuple(float(limit) for limit in limits) if finite else ()
-
-
-def _sources(topics: TopicChoice, named: Mapping[str, str]) -> dict[str, str]:
-    """Sources of the signals: those of the driver where it names them, else those chosen."""
-    sources = {"joint_states": topics.states.name}
-    if topics.effort is not None:
-        sources["effort"] = topics.effort.name
-    if topics.reference is not None:
-        sources["reference"] = topics.reference.name
-    return {**sources, **named}
 
 
 def _merge(
@@ -232,16 +224,6 @@ def _description(contents: list[BagContents], urdf: Path | None) -> tuple[str, s
             return bag.description, f"{bag.path.name} /robot_description"
     raise UsageError(
         f"{contents[0].path}: no /robot_description in the bag: give the robot's URDF with --urdf"
-    )
-
-
-def _configuration(
-    urdf: Path | None, joints: JointChoice, sources: Mapping[str, str]
-) -> Configuration:
-    named = {} if urdf is None else {description_key(urdf): urdf}
-    return Configuration(
-        robot=RobotSection.model_validate({**named, "joints": list(joints.joints)}),
-        signals=SignalsSection.model_validate(sources),
     )
 
 

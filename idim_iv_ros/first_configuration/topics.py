@@ -1,6 +1,6 @@
 """What the topics of a bag hold, and which are the joint states, the efforts and the reference."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,17 +31,11 @@ _DESCRIPTION = in_root(ROBOT_DESCRIPTION)
 class JointContents:
     """What one JointState topic holds of one joint."""
 
-    # lowest, highest: Positions, rad (m); None where it has none
-    lowest: float | None
-    highest: float | None
+    lowest: float | None  # Position, rad (m); None where it has none
+    range: float  # Distance over which the joint moves, rad (m)
     # In the unit of the driver; None where it has none, 0 where all are zero
     largest_effort: float | None
     messages: int  # That hold a number of it
-
-    @property
-    def range(self) -> float:
-        """Distance over which the joint moves, rad (m)."""
-        return 0.0 if self.lowest is None or self.highest is None else self.highest - self.lowest
 
 
 @dataclass(frozen=True)
@@ -121,13 +115,10 @@ def read_contents(path: Path) -> BagContents:
     )
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
-    return BagContents(path, contents, unreadable, _of_one_robot(descriptions))
-
-
-def _of_one_robot(descriptions: Mapping[str, str]) -> str | None:
-    """The global description, or that of the one namespace that has any."""
+    # The global description, or that of the one namespace that has any.
     texts = set(descriptions.values())
-    return descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
+    description = descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
+    return BagContents(path, contents, unreadable, description)
 
 
 def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:
@@ -164,22 +155,10 @@ def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
     position, effort = position[np.isfinite(position)], effort[np.isfinite(effort)]
     return JointContents(
         float(position.min()) if len(position) else None,
-        float(position.max()) if len(position) else None,
+        float(np.ptp(position)) if len(position) else 0.0,
         float(np.abs(effort).max()) if len(effort) else None,
         messages,
     )
-
-
-@dataclass(frozen=True)
-class TopicChoice:
-    """Topics that a first configuration names, and why."""
-
-    states: TopicContents  # Of the first bag
-    # effort, reference: Of the first bag; None where efforts are on `states`, and where there
-    # is no reference
-    effort: TopicContents | None
-    reference: TopicContents | None
-    reasons: dict[str, str]  # By key of the section `signals`
 
 
 def choose_states(
@@ -234,8 +213,11 @@ def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, bool, int]:
 
 def choose_topics(
     bags: Sequence[BagContents], joints: Sequence[str], wanted: str | None = None
-) -> TopicChoice:
-    """Choose all topics for these joints; `wanted` as in `choose_states`."""
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Choose all topics for these joints; `wanted` as in `choose_states`.
+
+    Returns topics, and the reasons for them or for their lack, by key of the section `signals`.
+    """
     states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
     common = [topic for topic in bags[0].topics if _in_all(topic, bags, joints)]
@@ -243,12 +225,15 @@ def choose_topics(
     others = [t for t in common if t.kind == JOINT_STATE and t.name not in used]
     references = asked or [topic for topic in others if sounds_like_reference(topic.name)]
     reference = max(references, key=lambda topic: topic.messages, default=None)
-    reasons = {"joint_states": _summary(states, bags[0], joints)}
+    sources, reasons = {"joint_states": states.name}, {}
+    reasons["joint_states"] = _summary(states, bags[0], joints)
     if effort is not None:
+        sources["effort"] = effort.name
         reasons["effort"] = f"{states.name} holds none; {_summary(effort, bags[0], joints)}"
         if effort.numbers:
             reasons["effort"] += "; its numbers are taken in the order of robot.joints"
     if reference is not None:
+        sources["reference"] = reference.name
         reasons["reference"] = _summary(reference, bags[0], joints)
         if reference.asked:
             reasons["reference"] += ", what the controller was asked for"
@@ -264,7 +249,7 @@ def choose_topics(
                     f"{topic.name} has what was asked of these joints only: {positioned}; the "
                     "reference is read from one topic"
                 )
-    return TopicChoice(states, effort, reference, reasons)
+    return sources, reasons
 
 
 def _in_all(wanted: TopicContents, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:

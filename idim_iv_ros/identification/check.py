@@ -24,7 +24,7 @@ from idim_iv_ros.identification.sanity import Level, link_findings
 from idim_iv_ros.model import BaseParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import FloatArray

@@ -12,8 +12,8 @@ from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.sanity import JointFinding, joint_findings
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording import Recording, Session, session_of
 from idim_iv_ros.recording.read import read_requested
+from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.recording.request import Request
 from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.types import FloatArray

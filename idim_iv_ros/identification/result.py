@@ -6,7 +6,7 @@ from typing import ClassVar, Final, Literal
 from idim_iv_ros.documents import Document, Matrix, Number, Unsaved
 from idim_iv_ros.files import IDENTIFICATION_FORMAT
 from idim_iv_ros.physical import PhysicalParameters
-from idim_iv_ros.recording import ClockQuality, FrozenStretches, Note
+from idim_iv_ros.recording.recording import ClockQuality, FrozenStretches, Note
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis
 from idim_iv_ros.statistics.verdict import OverallVerdict, Verdict

@@ -116,8 +116,8 @@ def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Tim
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
-    """Call a function in a daemon thread, and return a future of its result."""
+def promised(function: Callable[[], Result]) -> tuple[Future[Result], Callable[[], None]]:
+    """Return a future of a function's result, and what another thread calls to compute it."""
     future: Future[Result] = Future()
 
     def work() -> None:
@@ -126,6 +126,12 @@ def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
         except Exception as error:  # belongs to whoever asks the future
             future.set_exception(error)
 
+    return future, work
+
+
+def in_thread(function: Callable[[], Result], name: str) -> Future[Result]:
+    """Call a function in a daemon thread, and return a future of its result."""
+    future, work = promised(function)
     threading.Thread(target=work, name=name, daemon=True).start()
     return future
 

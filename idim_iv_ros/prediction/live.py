@@ -231,17 +231,20 @@ class Prediction:
     residual: FloatArray
     noise_share: FloatArray
 
+    @classmethod
+    def absent(cls, joints: int, reason: str, stamp: int = 0) -> "Prediction":
+        """Return that nothing is predicted, and why; `stamp` is that of the newest sample, ns."""
+        return cls(stamp, reason, *[np.full(joints, np.nan)] * 4)
+
 
 class LivePrediction:
     """Predicts the newest sample that its filters reach, from samples as they arrive.
 
-    - `one_topic`: whether positions and efforts come in the same messages
-
     - `rows`: decimated residual, to judge its size by
-    - `rate`: sampling rate, Hz; None while it is measured
+    - `window`: rate of the samples and lag of the filters; None while the rate is measured
     """
 
-    def __init__(self, identified: IdentifiedModel, *, one_topic: bool = True) -> None:
+    def __init__(self, identified: IdentifiedModel) -> None:
         self.identified, joints = identified, len(identified.joints)
         # Recorded positions of a joint that turns may wrap after one turn.
         plain = np.array_equal(identified.transform.to_joint, np.eye(joints))
@@ -249,25 +252,14 @@ class LivePrediction:
         self._positions = SampleStream("position", turning)
         self._efforts = SampleStream("effort", [False] * joints)
         self._streams = (self._positions, self._efforts)
-        self._one_topic = one_topic
-        self._window: PredictionWindow | None = None
+        self.window: PredictionWindow | None = None
         self._why = ""
         self.rows = ResidualRows(joints, 1.0)
 
     @property
-    def rate(self) -> float | None:
-        """Return the rate of the grid, Hz; None while it is measured."""
-        return None if self._window is None else self._window.rate
-
-    @property
-    def lag(self) -> float | None:
-        """Return the time from a sample to its prediction, s; None while the rate is measured."""
-        return None if self._window is None else self._window.lag
-
-    @property
     def late(self) -> int:
-        """Return the number of samples left out because their stamps do not increase."""
-        return self._positions.late + (0 if self._one_topic else self._efforts.late)
+        """Return how many samples of a topic were left out: their stamps do not increase."""
+        return max(stream.late for stream in self._streams)
 
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
         """Add samples in the order of their arrival.
@@ -282,7 +274,7 @@ class LivePrediction:
             self._restart(restarted)
 
     def _restart(self, why: str) -> None:
-        self._window, self._why = None, f"{why}: filtering begins anew"
+        self.window, self._why = None, f"{why}: filtering begins anew"
         for stream in self._streams:
             if not stream.restarted:
                 stream.clear()
@@ -293,18 +285,21 @@ class LivePrediction:
         - `now`: ns, of the same clock as in `add`
         """
         reason = self._not_usable(now)
-        if not reason and self._window is None:
+        if not reason and self.window is None:
             reason = self._measure_rate()
-        window = self._window
+        window = self.window
+        times = self._positions.samples.time
+        newest, joints = int(times[-1]) if len(times) else 0, len(self.identified.joints)
         if reason or window is None:
-            return self._no_prediction(reason)
+            return Prediction.absent(joints, reason, newest)
         until = min(stream.reached for stream in self._streams)
         curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
         for stream in self._streams:
             stream.forget(window.needed)
         if curve is None:
             why = f"{self._why}; " if self._why else ""
-            return self._no_prediction(f"{why}the filters fill: {window.missing:.1f} s to go")
+            filling = f"{why}the filters fill: {window.missing:.1f} s to go"
+            return Prediction.absent(joints, filling, newest)
         self._why = ""
         stamp, measured, predicted = curve
         floor = self.identified.noise_floor
@@ -323,7 +318,7 @@ class LivePrediction:
             missing = list(compress(joints, stream.missing))
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
-            if self._window is not None and (new := stream.other_rate) is not None:
+            if self.window is not None and (new := stream.other_rate) is not None:
                 self._restart(
                     f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
                 )
@@ -342,12 +337,6 @@ class LivePrediction:
                 f"{cutoff:g} Hz: more than {2.0 * cutoff:g} Hz are needed"
             )
         start = max(int(stream.samples.time[0]) for stream in self._streams)
-        self._window = PredictionWindow(self.identified, rate, start)
-        self.rows = ResidualRows(len(self.identified.joints), self._window.row_rate)
+        self.window = PredictionWindow(self.identified, rate, start)
+        self.rows = ResidualRows(len(self.identified.joints), self.window.row_rate)
         return ""
-
-    def _no_prediction(self, reason: str) -> Prediction:
-        absent = np.full(len(self.identified.joints), np.nan)
-        times = self._positions.samples.time
-        stamp = int(times[-1]) if len(times) else 0
-        return Prediction(stamp, reason, absent, absent, absent, absent)

@@ -56,11 +56,8 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
     arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
     time = messages.stamps if headed else arrival
-    source = "header" if headed else "arrival"
-    notes = []
-    if not headed:
-        what = "no header stamps: times of arrival are used"
-        notes.append(Note(topic, what, len(messages)))
+    arrived = Note(topic, "no header stamps: times of arrival are used", len(messages))
+    notes = [] if headed else [arrived]
     steps = np.diff(time)
     forward = steps[steps > 0]
     if len(forward) == 0:
@@ -94,7 +91,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     usual = intervals[intervals <= GAP * median]
     quality = ClockQuality(
         topic=topic,
-        source="header" if source == "header" else "arrival",
+        source="header" if headed else "arrival",
         messages=count,
         rate=1.0 / median if median > 0.0 else 0.0,
         jitter=float(np.std(usual)) if len(usual) else 0.0,

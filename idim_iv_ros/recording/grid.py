@@ -98,8 +98,6 @@ def on_grid(
             if not invented.any():
                 return Signal(read_only(direct), read_only(invented), origin)
     target = grid.time
-    if stepwise:
-        return _hold(target + _EARLY / grid.rate, seconds, values, origin)
     out = np.empty((grid.samples, values.shape[1]))
     invented = np.empty((grid.samples, values.shape[1]), dtype=bool)
     finite = np.isfinite(values)
@@ -111,24 +109,16 @@ def on_grid(
         if len(stamps) == 0:
             out[:, joints], invented[:, joints] = 0.0, True
             continue
+        if stepwise:
+            last = np.searchsorted(stamps, target + _EARLY / grid.rate, side="right") - 1
+            out[:, joints] = values[measured][np.maximum(last, 0)][:, joints]
+            invented[:, joints] = (last < 0)[:, None]
+            continue
         gap = GAP * max(median, 1.0 / grid.rate)
         out[:, joints] = _resample(target, stamps, values[measured][:, joints], gap)
         invented[:, joints] = _in_gap(target, stamps, gap)[:, None]
         for joint in joints if smooth else ():
             bridged(out[:, joint], invented[:, joint], grid.rate)
-    return Signal(read_only(out), read_only(invented), origin)
-
-
-def _hold(target: FloatArray, seconds: FloatArray, values: FloatArray, origin: str) -> Signal:
-    """Return the last finite of `values` (n, k) at `seconds` (n,) before each `target` (m,), s."""
-    out = np.zeros((len(target), values.shape[1]))
-    invented = np.ones(out.shape, dtype=bool)
-    for joint in range(values.shape[1]):
-        finite = np.isfinite(values[:, joint])
-        last = np.searchsorted(seconds[finite], target, side="right") - 1
-        measured = last >= 0
-        out[measured, joint] = values[finite, joint][last[measured]]
-        invented[measured, joint] = False
     return Signal(read_only(out), read_only(invented), origin)
 
 
@@ -170,23 +160,8 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-@dataclass(frozen=True)
-class Pauses:
-    """Intervals to cut out of time, from `begin` to `end` (k,) int, ns."""
-
-    begin: IntArray
-    end: IntArray
-
-    def kept(self, time: IntArray) -> NDArray[np.bool_]:
-        """Return whether each of the sorted stamps `time` (n,) lies outside the cuts, (n,) bool."""
-        pause = np.searchsorted(self.begin, time, side="right") - 1
-        inside = (pause >= 0) & (time < self.end[np.maximum(pause, 0)])
-        return np.asarray(~inside)
-
-    def shortened(self, time: IntArray) -> IntArray:
-        """Return the stamps (n,) less the time that is cut out before them, ns."""
-        removed = np.concatenate([[0], np.cumsum(self.end - self.begin)])
-        return np.asarray(time - removed[np.searchsorted(self.end, time, side="right")])
+Pauses = tuple[IntArray, IntArray]
+"""Intervals to cut out of time: where they begin and end, (k,) ns each."""
 
 
 def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
@@ -200,8 +175,8 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
     long = np.flatnonzero(steps > shortest)
     if len(long) == 0:
         return None
-    pauses = Pauses(time[long] + shortest, time[long + 1])
-    removed = float((pauses.end - pauses.begin).sum()) * 1e-9
+    begin, end = time[long] + shortest, time[long + 1]
+    removed = float((end - begin).sum()) * 1e-9
     longest = float(steps[long].max()) * 1e-9
     first = float(time[long[0]] - time[0]) * 1e-9
     count = "a pause" if len(long) == 1 else f"{len(long)} pauses, the longest"
@@ -209,18 +184,21 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
-    return pauses, Note(states.messages.topic, what, 1, limits=True)
+    return (begin, end), Note(states.messages.topic, what, 1, limits=True)
 
 
 def without_pauses(
     stamped: Mapping[str, StampedMessages], pauses: Pauses
 ) -> dict[str, StampedMessages]:
     """Cut pauses out of all topics."""
-    shortened = {}
+    begin, end = pauses
+    removed, shortened = np.concatenate([[0], np.cumsum(end - begin)]), {}
     for topic, messages in stamped.items():
-        inside = pauses.kept(messages.time)
-        kept = messages if inside.all() else messages.taken(np.flatnonzero(inside))
-        shortened[topic] = replace(kept, time=pauses.shortened(kept.time))
+        pause = np.searchsorted(begin, messages.time, side="right") - 1
+        outside = (pause < 0) | (messages.time >= end[np.maximum(pause, 0)])
+        kept = messages if outside.all() else messages.taken(np.flatnonzero(outside))
+        before = removed[np.searchsorted(end, kept.time, side="right")]
+        shortened[topic] = replace(kept, time=kept.time - before)
     return shortened
 
 

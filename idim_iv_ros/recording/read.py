@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes, with_loss
+from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessages, checked_messages
 from idim_iv_ros.recording.clock import StampedMessages
@@ -65,7 +65,7 @@ def read_recordings(
     joint_states, effort, reference
         Topics; `effort` is that of `joint_states` if it is None, and ``none`` where the robot has
         no efforts: they are zeros then. A name without a leading slash is looked for in the
-        namespace of the robot (`topics_in_bag`). Of a message with references and measurements the
+        namespace of the robot (`in_bag`). Of a message with references and measurements the
         suitable ones are read, or the named field: ``topic#field``.
     prismatic
         Prismatic joints (also read from a bag's /robot_description): positions are not unwrapped.
@@ -121,16 +121,12 @@ def read_requested(
 def read_bag(bag: Bag, request: Request) -> Recording:
     """Read the recording of one bag; see `read_recordings`."""
     try:
-        try:
-            request = in_bag(bag, request)
-            messages = BagMessages(bag, request)
-            for topic, batch in bag.batches(messages.topics):
-                messages.add(topic, batch)
-        except OSError as error:
-            raise UsageError(f"{bag.path}: cannot be read: {error.strerror or error}") from error
-        recording = recording_of(messages)
-    except DataError as error:
-        raise with_loss(error, bag, request.topics) from error
+        messages = BagMessages(bag, in_bag(bag, request))
+        for topic, batch in bag.batches(messages.topics):
+            messages.add(topic, batch)
+    except OSError as error:
+        raise UsageError(f"{bag.path}: cannot be read: {error.strerror or error}") from error
+    recording, request = recording_of(messages), messages.request
     if request.reference is not None:
         return recording
     unused = unused_references(bag, list(request.fields), request.joints)
@@ -140,11 +136,20 @@ def read_bag(bag: Bag, request: Request) -> Recording:
 def recording_of(messages: BagMessages) -> Recording:
     """Return the recording made of the messages of all sources, on one grid.
 
-    Raises DataError: a topic, a joint or a field is missing, or the messages make no recording.
+    Raises DataError: a topic, a joint or a field is missing, or the messages make no recording;
+    with the losses of the bag, which are a likely reason.
     """
+    losses = loss_notes(messages.bag, messages.request.topics)
+    try:
+        return _recording_of(messages, losses)
+    except DataError as error:
+        words = "".join(f" ({note.sentence})" for note in losses)
+        raise DataError(f"{error}{words}") from error
+
+
+def _recording_of(messages: BagMessages, notes: list[Note]) -> Recording:
     sources: dict[str, JointMessages] = {}
     bag, request = messages.bag, messages.request
-    notes = loss_notes(bag, request.topics)
     for source in request.fields:
         if source not in messages.readers:
             raise DataError(_missing_topic(bag, source, request))
@@ -352,4 +357,4 @@ def _segment(messages: BagMessages) -> Recording | DataError:
     try:
         return recording_of(messages)
     except DataError as error:
-        return with_loss(error, messages.bag, messages.request.topics)
+        return error

@@ -9,7 +9,6 @@ import re
 import struct
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -33,41 +32,6 @@ ROBOT_DESCRIPTION = "robot_description"
 def in_root(name: str) -> str:
     """Return the full name of a topic as a node without a namespace resolves it."""
     return name if name.startswith("/") else f"/{name}"
-
-
-def topics_in_bag(
-    path: Path, named: Mapping[str, str], topics: Collection[str], node_topics: Mapping[str, str]
-) -> dict[str, str]:
-    """Return the full name in a bag of each topic that a configuration names.
-
-    All relative names are resolved in one namespace, since the reference of another robot must not
-    be used: that of the calling node (``/`` without one) if the first name is there, else that of
-    the only topic whose name ends with the first name.
-
-    `path`: the bag, for messages. `named`: name of each key of the section `signals`, the most
-    important first. `topics`: full names of topics with joints. `node_topics`: full names of the
-    calling node, by relative name. Topics that are not in the bag get names, too.
-
-    Raises DataError: several topics end with a relative name.
-    """
-    full_names = {name: name for name in named.values() if name.startswith("/")}
-    relative = {key: name for key, name in named.items() if not name.startswith("/")}
-    if not relative:
-        return full_names
-    key, first = next(iter(relative.items()))
-    resolved = {name: node_topics.get(name, in_root(name)) for name in relative.values()}
-    candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
-    if resolved[first] in topics or not candidates:
-        return {**full_names, **resolved}
-    if len(candidates) > 1:
-        rest = ", ".join(other for other, name in relative.items() if name != first)
-        others = f", and the same for {rest}" if rest else ""
-        raise DataError(
-            f"{path}: signals.{key}: {first} may be {' or '.join(candidates)}: write the full name "
-            f"of your robot's, as `{key}: {candidates[0]}`, under signals{others}"
-        )
-    namespace = candidates[0].removesuffix(first)
-    return {**full_names, **{name: namespace + name for name in relative.values()}}
 
 
 _WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
@@ -109,18 +73,6 @@ class Request:
         return fields
 
     @property
-    def with_reference_field(self) -> "Request":
-        """Return the request with a separate source for the reference, if it shares a topic.
-
-        One controller_state may hold references and measurements.
-        """
-        reference = self.reference
-        measured = (self.joint_states, self.effort, self.link_states)
-        if reference is None or reference not in measured or field_of(reference) is not None:
-            return self
-        return replace(self, reference=with_field(reference, "reference"))
-
-    @property
     def topics(self) -> list[str]:
         """Return the topics to read, without fields."""
         return list(dict.fromkeys(map(topic_of, self.fields)))
@@ -143,23 +95,48 @@ class Request:
 def in_bag(bag: Bag, request: Request) -> Request:
     """Return the request with the full names of its topics in this bag.
 
-    Raises UsageError or DataError: no such bag, or several topics may be meant.
+    A reference that shares the topic of a measurement gets a source of its own.
+
+    Raises UsageError or DataError: no such bag, or several topics end with a relative name.
     """
-    if all(name.startswith("/") for name in request.named.values()):
-        return request.with_reference_field
+    relative = {key: topic_of(name) for key, name in request.named.items() if name[:1] != "/"}
+    full = _with_full_names(bag, request, relative) if relative else request
+    # One controller_state may hold references and measurements.
+    shared, measured = full.reference, (full.joint_states, full.effort, full.link_states)
+    if shared is None or shared not in measured or field_of(shared) is not None:
+        return full
+    return replace(full, reference=with_field(shared, "reference"))
+
+
+def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) -> Request:
+    """Return the request with the full names of its `relative` topics, by configuration key.
+
+    They are resolved in one namespace, since the reference of another robot must not be used: that
+    of the calling node (``/`` without one) if the first name is there, else that of the only topic
+    whose name ends with the first name. Topics that are not in the bag get names, too.
+    """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
     kinds = bag.unread().topic_types().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
-    named = {key: topic_of(name) for key, name in request.named.items()}
-    full_names = topics_in_bag(bag.path, named, topics, request.node_topics)
-
-    def full(source: str) -> str:
-        field_, topic = field_of(source), full_names[topic_of(source)]
-        return topic if field_ is None else with_field(topic, field_)
-
-    sources: dict[str, Any] = {key: full(source) for key, source in request.named.items()}
-    return replace(request, **sources).with_reference_field
+    key, first = next(iter(relative.items()))
+    resolved = {name: request.node_topics.get(name, in_root(name)) for name in relative.values()}
+    candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
+    if resolved[first] not in topics and candidates:
+        if len(candidates) > 1:
+            rest = ", ".join(other for other in resolved if other != first)
+            others = f", and the same for {rest}" if rest else ""
+            raise DataError(
+                f"{bag.path}: signals.{key}: {first} may be {' or '.join(candidates)}: write the "
+                f"full name of your robot's, as `{key}: {candidates[0]}`, under signals{others}"
+            )
+        namespace = candidates[0].removesuffix(first)
+        resolved = {name: namespace + name for name in resolved}
+    sources: dict[str, Any] = {
+        key: resolved[name] + request.named[key].removeprefix(name)
+        for key, name in relative.items()
+    }
+    return replace(request, **sources)
 
 
 @dataclass

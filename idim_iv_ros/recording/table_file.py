@@ -5,7 +5,6 @@ import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -144,21 +143,11 @@ def needs_tables(path: Path, module: str) -> Any:
         raise UsageError(f'{path}: needs {name}: pip install "idim-iv-ros[tables]"') from error
 
 
-@dataclass(frozen=True)
-class TextFormat:
-    """Format of a table in text.
+class TextTable:
+    """A table in text, with or without a row of names.
 
     `delimiter` between columns; empty: the most frequent one in the first row. `decimal`: ``.`` or
     ``,``. `comment` begins lines that are skipped; empty: none.
-    """
-
-    delimiter: str = ""
-    decimal: str = "."
-    comment: str = "#"
-
-
-class TextTable:
-    """A table in text, with or without a row of names.
 
     `names`: names of the columns, or their numbers from 0. A comment in front of the numbers counts
     as names if it has as many columns, as NumPy writes it.
@@ -166,20 +155,22 @@ class TextTable:
     Raises UsageError: there is nothing but comments.
     """
 
-    def __init__(self, path: Path, text_format: TextFormat | None = None) -> None:
-        self._path, self._format = path, text_format or TextFormat()
-        comment, first = "", ""
+    def __init__(
+        self, path: Path, delimiter: str = "", decimal: str = ".", comment: str = "#"
+    ) -> None:
+        self._path, self._decimal, self._comment = path, decimal, comment
+        last_comment, first = "", ""
         for line in self._lines():
             if first := self._without_comment(line):
                 break
-            comment = line.strip().removeprefix(self._format.comment)
+            last_comment = line.strip().removeprefix(comment)
         if not first:
             raise UsageError(f"{path}: holds no row of a table; give another file")
-        signs = [sign for sign in (",", ";", "\t", "|") if sign != self._format.decimal]
-        self._delimiter = self._format.delimiter or max(signs, key=first.count)
+        signs = [sign for sign in (",", ";", "\t", "|") if sign != decimal]
+        self._delimiter = delimiter or max(signs, key=first.count)
         cells, described = (
             [cell.strip() for cell in next(csv.reader([line], delimiter=self._delimiter), [])]
-            for line in (first, comment)
+            for line in (first, last_comment)
         )
         self._headed = not all(map(is_number, cells))
         named = cells if self._headed else described
@@ -190,7 +181,7 @@ class TextTable:
             yield from (line for line in file if not line.isspace())
 
     def _without_comment(self, line: str) -> str:
-        sign = self._format.comment
+        sign = self._comment
         return "" if sign and sign in line and line.lstrip().startswith(sign) else line
 
     def number(self, column: str) -> int:
@@ -235,7 +226,7 @@ class TextTable:
 
     def _values(self, column: int, cells: list[str], *, dates: bool) -> FloatArray:
         # Where the decimal sign is a comma, a point is a sign of something else.
-        plain = [c.translate(_COMMA) for c in cells] if self._format.decimal == "," else cells
+        plain = [c.translate(_COMMA) for c in cells] if self._decimal == "," else cells
         with suppress(ValueError):  # mostly no cell is empty
             return np.array(plain, dtype=float)
         with suppress(ValueError):

@@ -17,7 +17,6 @@ from idim_iv_ros.files import FilePath, is_file
 from idim_iv_ros.recording.table_file import (
     ARRAYS,
     TEXT,
-    TextFormat,
     TextTable,
     array_shapes,
     one_line_errors,
@@ -97,7 +96,7 @@ class TableMap(_Part):
     """Description of a table by a user: columns, units and format.
 
     `file`: the table, relative to the map. `time`: None where `rate`, Hz, is given instead.
-    `delimiter`, `decimal`, `comment` are as in `TextFormat`. `rows`: only rows with these numbers
+    `delimiter`, `decimal`, `comment` are as in `TextTable`. `rows`: only rows with these numbers
     in these columns are read, where a table holds several recordings.
     """
 
@@ -178,8 +177,8 @@ def _read_columns(table: Path, described: TableMap, wanted: list[str]) -> dict[s
     names = list(dict.fromkeys(wanted))
     with one_line_errors(table):
         if table.suffix.lower() in TEXT:
-            text_format = TextFormat(described.delimiter, described.decimal, described.comment)
-            text, time = TextTable(table, text_format), described.time
+            text = TextTable(table, described.delimiter, described.decimal, described.comment)
+            time = described.time
             stamps = text.number(time.column) if time and time.unit == "iso" else None
             read = text.columns([text.number(name) for name in names], stamps)
         else:
@@ -310,7 +309,7 @@ def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[s
     """Return the decimal sign by which positions are numbers, and whether stamps are ISO 8601."""
 
     def readable(decimal: str, columns: list[str], *, dates: bool = False) -> bool:
-        text = TextTable(table, TextFormat(decimal=decimal))
+        text = TextTable(table, decimal=decimal)
         try:
             numbers = [text.number(name) for name in columns]
             text.columns(numbers, numbers[0] if dates else None)

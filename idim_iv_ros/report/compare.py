@@ -35,6 +35,13 @@ def compare_step(comparison: ParameterComparison, files: Files) -> Step:
     return Step("Identify from all recordings together, with smaller intervals:", line)
 
 
+def pair_words(pair: ParameterPair) -> tuple[str, str, str]:
+    """Return both values with their intervals, and how many standard deviations they differ by."""
+    first = " ".join(measured(pair.first, pair.first_std))
+    second = " ".join(measured(pair.second, pair.second_std))
+    return first, second, f"{number(pair.deviations, 2)} σ"
+
+
 def _row(pair: ParameterPair) -> dict[str, object]:
     """Return both values as text, and their intervals as places on the row's axis in percent."""
     halves = INTERVAL * pair.first_std, INTERVAL * pair.second_std
@@ -50,10 +57,4 @@ def _row(pair: ParameterPair) -> dict[str, object]:
         }
         for value, half in zip(values, halves, strict=True)
     ]
-    return {
-        "pair": pair,
-        "first": " ".join(measured(pair.first, pair.first_std)),
-        "second": " ".join(measured(pair.second, pair.second_std)),
-        "marks": marks,
-        "deviations": f"{number(pair.deviations, 2)} σ",
-    }
+    return {"pair": pair, "words": pair_words(pair), "marks": marks}

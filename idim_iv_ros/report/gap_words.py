@@ -19,7 +19,7 @@ from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import unit_at
-from idim_iv_ros.recording import SessionPart, in_recordings
+from idim_iv_ros.recording.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import (
     MISSING,
     is_number,

@@ -97,13 +97,7 @@ def with_interval(value: float | None, std: float | None, unit: str = "") -> str
 
 def with_digits_of(value: float | None, std: float | None) -> str:
     """Return a value with the digits that an estimate with standard deviation `std` has."""
-    if value is None or not math.isfinite(value):
-        return MISSING
-    if value == 0.0:
-        return "0"
-    if std is None or not math.isfinite(std) or std <= 0.0:
-        return number(value, 4)
-    return measured(value, std)[0]
+    return "0" if value == 0.0 else measured(value, std)[0]
 
 
 def percent(value: float | None, digits: int = 2) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.report.figures import GREY, MUTED
 from idim_iv_ros.types import FloatArray, IntArray
 

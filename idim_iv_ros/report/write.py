@@ -36,7 +36,6 @@ from idim_iv_ros.simulators.replay_result import ReplayResult
 
 Written = IdentificationResult | GapResult | ReplayResult | ServoResult | FleetResult
 
-_WRITTEN_BY = {RESULT: "identify", GAP: "diagnose", REPLAY: "replay", SERVO: "servo"}
 # File of numbers, file of the page, and what draws it.
 _FILES: dict[type[Any], tuple[str, str, Callable[..., str]]] = {
     IdentificationResult: (RESULT, REPORT, report_html),
@@ -137,9 +136,6 @@ def require_writable(
                 _keep_other_report(out, names)
             require_replaceable([out / name for name in names], force=force)
             undone.enter_context(made_folder(out))
-            for name in names:
-                if (out / name).is_dir():
-                    raise IsADirectoryError(f"{name} is a folder there")
             probe_place(out / names[0])
         except OSError as error:
             raise _refusal(out, error) from error
@@ -148,13 +144,12 @@ def require_writable(
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
     """Refuse a folder whose report.html is that of another command."""
-    for name, command in _WRITTEN_BY.items():
-        if name in names or REPORT not in names:
-            continue
-        if (out / name).exists() and (out / REPORT).exists():
+    for kind, (name, page, _) in _FILES.items():
+        other = page == REPORT and REPORT in names and name not in names
+        if other and (out / name).exists() and (out / REPORT).exists():
             raise UsageError(
-                f"{out}: holds {name} and {REPORT} of `idim-iv {command}`, and {REPORT} would be "
-                "replaced; give another --out, or --force"
+                f"{out}: holds {name} and {REPORT} of `idim-iv {kind.written_by}`, and {REPORT} "
+                "would be replaced; give another --out, or --force"
             )
 
 

@@ -14,7 +14,7 @@ from idim_iv_ros.identification.prepare import description_text, read_configured
 from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.servo.fit import DriveEstimate, Run, fit_drive, fit_factor, residuals, scales
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries

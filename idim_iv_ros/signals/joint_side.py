@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _LARGEST_POSITION = 1e6  # rad (m)

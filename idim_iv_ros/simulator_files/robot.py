@@ -309,7 +309,8 @@ def link_bodies(
         main_part = next((part for part in parts if part.link == main), None)
         rest = target - sum((other.parameters for other in others), np.zeros(10))
         reference = rest if main_part is None else main_part.parameters
-        if main_part is not None and _equal_bodies(rest, reference):
+        rounding = _ROUNDING * np.abs(reference).max()
+        if main_part is not None and np.abs(rest - reference).max() <= rounding:
             continue
         if is_possible(rest, reference):
             changed[main] = body_of(rest)
@@ -350,11 +351,6 @@ def _carried_links(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
             body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
             carried[carrier].append(_Part(link, place, parameters_of(place.act(body))))
     return carried
-
-
-def _equal_bodies(first: FloatArray, second: FloatArray) -> bool:
-    """Return whether the parameters (10,) of two bodies are equal but for rounding."""
-    return bool(np.abs(first - second).max() <= _ROUNDING * np.abs(second).max())
 
 
 def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | None:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import scipy
 
-from idim_iv_ros.configuration import Configuration, SimulatedRobotSection
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation import Trajectory, require_sampling
+from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
 from idim_iv_ros.files import (
     TRUTH_FORMAT,
     FilePath,
@@ -22,8 +22,7 @@ from idim_iv_ros.files import (
 )
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.writing.write import write_messages
+from idim_iv_ros.recording.writing.write import JointTopic, write_messages
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.simulation import (
     ControlLaw,
@@ -51,7 +50,7 @@ class SimulatedRobot:
     truth: dict[str, float]  # True base parameters by name, friction and drive inertia included
     parameters: DynamicParameters  # Dynamics that are equivalent to `truth`
     law: ControlLaw
-    settings: SimulatedRobotSection  # Noise, rates and delay
+    configuration: Configuration
     description: str  # URDF of the nominal model
     effects: tuple[SimulatedEffect, ...] = ()  # What it has beyond `parameters`
 
@@ -62,7 +61,7 @@ class SimulatedRobot:
         each other. DataError: the closed loop diverged.
         """
         trajectory = trajectory.in_order(self.robot.joints)
-        settings = self.settings
+        settings = self.configuration.simulated_robot
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
@@ -137,7 +136,7 @@ def simulated_robot(
         truth=truth,
         parameters=model.dynamic_parameters(np.array(list(truth.values()))),
         law=law,
-        settings=settings,
+        configuration=configuration,
         description=text,
         effects=effects,
     )
@@ -216,7 +215,12 @@ def simulate(
     """
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
-    bag_paths, truth = _paths(as_file(out), seeds)
+    out = as_file(out)
+    bag_paths = {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
+    bag_paths, truth = (
+        bag_paths if len(seeds) > 1 else {seeds[0]: out},
+        out.with_name(out.stem + TRUTH),
+    )
     require_file_place([*bag_paths.values(), truth], force=force)
     robot = simulated_robot(configuration, effects)
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
@@ -237,7 +241,7 @@ def simulate(
             record = robot.record(trajectory, seed)
             path = bag_paths[seed]
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
-            topics = recorded_topics(configuration, robot, record)
+            topics = recorded_topics(robot, record)
             with temporary[path].open("wb") as stream:
                 write_messages(stream, topics, robot.description)
             reference = record.position_reference
@@ -258,17 +262,9 @@ def simulate(
     return bags, truth
 
 
-def _paths(out: Path, seeds: Sequence[int]) -> tuple[dict[int, Path], Path]:
-    """Return the bag of each seed, and the file of the true parameters."""
-    bags = {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
-    return bags if len(seeds) > 1 else {seeds[0]: out}, out.with_name(out.stem + TRUTH)
-
-
-def recorded_topics(
-    configuration: Configuration, robot: SimulatedRobot, record: SimulatedRecording
-) -> list[JointTopic]:
+def recorded_topics(robot: SimulatedRobot, record: SimulatedRecording) -> list[JointTopic]:
     """Return the messages as recorded, motor side: with transmission, offsets and effort scale."""
-    section, signals = configuration.robot, configuration.signals
+    section, signals = robot.configuration.robot, robot.configuration.signals
     joints = section.joints
     to_motor = np.array(section.motor_to_joint or np.eye(len(joints)))
     to_torque = np.array(section.motor_to_joint_torque or to_motor.T)

@@ -138,8 +138,6 @@ def replay_bags(
         held_out=None if not fitted else not any(bag in fitted for bag in bags),
         notes=(*prepared.doubts, *(note for stage in models for note in stage.notes), *notes),
         series=comparison.series(done),
-        positions={"recorded": runs[0].motion.position}
-        | {name: ran.positions[0] for name, ran in done.items()},
     )
 
 

@@ -1,6 +1,6 @@
 """Result of a replay: errors of the simulated robot against the recorded one, by stage."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -86,8 +86,6 @@ class ReplayResult(Document):
     notes : tuple of str
     series : tuple of ReplaySeries
         Not saved.
-    positions : dict of (n_samples, n_joints)
-        First recording, recorded and by stage, rad (m); not saved.
     """
 
     what: ClassVar[str] = "a replay"
@@ -108,7 +106,6 @@ class ReplayResult(Document):
     held_out: bool | None = None
     notes: tuple[str, ...] = ()
     series: Unsaved[tuple[ReplaySeries, ...]] = ()
-    positions: Unsaved[dict[str, FloatArray]] = field(default_factory=dict)
 
     @property
     def best(self) -> ReplayStage:

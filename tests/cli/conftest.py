@@ -15,7 +15,7 @@ import pytest
 from bags import simulated_arms
 from idim_iv_ros.cli.diagnose import diagnose_command
 from idim_iv_ros.cli.main import main
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 CONFIG = REPOSITORY / "config"

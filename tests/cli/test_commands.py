@@ -12,7 +12,7 @@ import yaml
 from bags.demo import demo
 from idim_iv_ros.identification.compare import compare_results
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.recording import read_recordings
+from idim_iv_ros.recording.read import read_recordings
 from tests.report.sample_result import sample_result
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from idim_iv_ros.excitation import read_trajectory
+from idim_iv_ros.excitation.trajectory import read_trajectory
 from tests.cli.conftest import refused
 from tests.inputs import gap_content
 

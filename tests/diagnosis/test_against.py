@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, RecordingAgreement
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import SimulatedEffect, record_simulated_robot
 from tests.diagnosis.worlds import point_mass
 from tests.estimation.test_simulated_arms import recorded, recording_of

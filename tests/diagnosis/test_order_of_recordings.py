@@ -12,8 +12,8 @@ from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import EFFECTS
-from idim_iv_ros.recording import JointTopic, write_bag
-from idim_iv_ros.report import gap_report_html
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
+from idim_iv_ros.report.page import gap_report_html
 
 SECONDS = 3.0
 JOINTS = ["joint_1", "joint_2"]

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 
 from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Regime, Transmission, Where
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.report import write_report
+from idim_iv_ros.report.write import write_report
 from tests.report.sample_gap import CASES, sample_contrast, sample_gap
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "schemas"

@@ -15,7 +15,7 @@ from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import _chain, aligned
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from tests.diagnosis.motions import with_signals
 from tests.estimation.test_simulated_arms import recorded
 from tests.inputs import changed

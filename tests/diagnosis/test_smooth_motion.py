@@ -13,7 +13,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.processing import widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.diagnosis.sentences import reversals
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.diagnosis.motions import synthetic
 from tests.estimation.test_simulated_arms import recorded

@@ -33,7 +33,7 @@ from idim_iv_ros.diagnosis.where import (
     split,
 )
 from idim_iv_ros.estimation.rows import JointRows
-from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.recording.recording import SessionPart
 
 
 @pytest.mark.parametrize(

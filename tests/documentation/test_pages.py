@@ -15,7 +15,7 @@ import pytest
 import idim_iv_ros
 from bags import simulated_arms
 from idim_iv_ros import load_configuration, propose_configuration, write_configuration
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.writing.write import write_bag
 from tests.command_line import CommandLine, Outcome
 from tests.documentation.code_blocks import PAGES, ROOT, CodeBlock, code_blocks, first_missing_line
 

@@ -15,7 +15,9 @@ from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repea
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.identification.prepare import prepare
-from idim_iv_ros.recording import JointTopic, Recording, Signal, read, write_bag
+from idim_iv_ros.recording import read
+from idim_iv_ros.recording.recording import Recording, Signal
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from tests.estimation.test_simulated_arms import off_by, recorded, truth_of
 from tests.inputs import changed
 

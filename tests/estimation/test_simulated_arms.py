@@ -15,7 +15,7 @@ from bags.simulated_arms import SimulatedArm
 from idim_iv_ros import IdentificationResult, identify_recordings
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.recording import Recording, Signal
+from idim_iv_ros.recording.recording import Recording, Signal
 from idim_iv_ros.simulation import SimulatedRecording
 from tests.inputs import changed
 

@@ -5,13 +5,10 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.excitation import (
-    DesignSettings,
-    design_diagnosis,
-    design_excitation,
-    load_model,
-    motion_limits,
-)
+from idim_iv_ros.excitation.design import DesignSettings, design_excitation
+from idim_iv_ros.excitation.diagnosis import design_diagnosis
+from idim_iv_ros.excitation.excite import load_model
+from idim_iv_ros.excitation.limits import motion_limits
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 FLOOR = -0.05

@@ -7,16 +7,10 @@ import pytest
 from scipy.interpolate import BPoly
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import (
-    DesignSettings,
-    condition_numbers,
-    design_excitation,
-    motion_limits,
-    predict_parameters,
-)
-from idim_iv_ros.excitation.criterion import ExcitationCost
+from idim_iv_ros.excitation.criterion import ExcitationCost, condition_numbers, predict_parameters
+from idim_iv_ros.excitation.design import DesignSettings, design_excitation
 from idim_iv_ros.excitation.fourier import FourierBasis
-from idim_iv_ros.excitation.limits import moving_frames
+from idim_iv_ros.excitation.limits import motion_limits, moving_frames
 from tests.excitation.conftest import FLOOR, SETTINGS
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree, lowest, torques
 
@@ -124,7 +118,6 @@ def test_gradient_is_that_of_finite_differences(robots, criterion) -> None:
         model=model,
         limits=limits,
         frames=moving_frames(model.robot),
-        basis=basis,
         shapes=basis.shapes(np.arange(40) * 0.25),
         row_weights=1.0 / limits.torque,
         start=None,

@@ -9,8 +9,9 @@ import pytest
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import load_model, motion_limits, require_sampling, servo_motion
-from idim_iv_ros.excitation.limits import moving_frames, require_reachable
+from idim_iv_ros.excitation.excite import load_model, servo_motion
+from idim_iv_ros.excitation.limits import motion_limits, moving_frames, require_reachable
+from idim_iv_ros.excitation.trajectory import require_sampling
 from idim_iv_ros.model import JointLimits
 from tests.fuzz.case import CONFIG
 from tests.inputs import changed

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bags import simulated_arms
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "arm2.yaml"
 RATE, SECONDS = 250.0, 8.0

@@ -32,9 +32,9 @@ from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.fleet.table import FILE, write_table
 from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.identification.prepare import configured_request
-from idim_iv_ros.recording import write_bag
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_segments
+from idim_iv_ros.recording.writing.write import write_bag
 from tests.estimation.test_simulated_arms import truth_of
 from tests.fleet.conftest import CONFIG, BagFolder
 from tests.inputs import changed

@@ -18,7 +18,7 @@ from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
 from idim_iv_ros.identification.assembly import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.report import report_html
+from idim_iv_ros.report.page import report_html
 from tests.report.sample_result import sample_result
 
 

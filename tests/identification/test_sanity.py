@@ -12,10 +12,10 @@ import pytest
 from bags.simulated_arms import SimulatedArm, arm2, arm6, joint_topics, record
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
-from idim_iv_ros.first_configuration import propose_configuration
+from idim_iv_ros.first_configuration.proposal import propose_configuration
 from idim_iv_ros.identification.check import CheckReport, check, count_reversals
 from idim_iv_ros.identification.identify import identify
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
 from idim_iv_ros.types import FloatArray
 from tests.inputs import changed

@@ -10,7 +10,7 @@ from scipy.stats import binom
 from idim_iv_ros import identify
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.physical import PhysicalParameters
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 ARMS = 200
 RATE, SECONDS = 1000, 12

@@ -6,8 +6,8 @@ import pytest
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.prediction import IdentifiedModel, identified_model
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.prediction.identified_model import IdentifiedModel, identified_model
+from idim_iv_ros.recording.recording import Recording
 from tests.prediction.arm6 import configured, recorded, urdf_of, write_result
 
 

@@ -9,15 +9,9 @@ import pytest
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.prediction import (
-    IdentifiedModel,
-    JointSamples,
-    LivePrediction,
-    Prediction,
-    identified_model,
-)
-from idim_iv_ros.prediction.identified_model import joint_levels
-from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE
+from idim_iv_ros.prediction.identified_model import IdentifiedModel, identified_model, joint_levels
+from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE, LivePrediction, Prediction
+from idim_iv_ros.prediction.stream import JointSamples
 from idim_iv_ros.signals import ParallelDecimation, central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray
@@ -51,7 +45,7 @@ def test_curves_are_those_of_the_offline_filters_on_what_had_arrived(identified,
     """The whole past of the recording, filtered at once, as far as it had come by then."""
     live, predictions = played
     motion, acceleration, _ = offline
-    window, order = live._window, identified.result.processing.position_order
+    window, order = live.window, identified.result.processing.position_order
     # The window keeps all but the share ROW_TOLERANCE of what is behind it; see below.
     tolerance = 2.0 * ROW_TOLERANCE * _largest_effort(identified, motion, acceleration)
     for prediction in [prediction for prediction in predictions if not prediction.reason][50::250]:
@@ -84,7 +78,7 @@ def test_curves_lose_no_more_than_the_share_that_they_do_not_wait_for(identified
     both = zero_phase_butterworth(
         np.hstack([motion.signals.torque, predicted]),
         rate=RATE,
-        cutoff=live._window._smoothing,
+        cutoff=live.window._smoothing,
         order=identified.result.processing.position_order,
     )
     measured, predicted = np.split(both[places(valid)], 2, axis=1)
@@ -167,8 +161,8 @@ def test_a_sample_is_predicted_within_a_fifth_of_a_second(played) -> None:
         for number, prediction in enumerate(predictions)
         if not prediction.reason
     ]
-    assert max(delays) * 1e-9 <= live.lag + 2.0 / RATE
-    assert live.lag < 0.16
+    assert max(delays) * 1e-9 <= live.window.lag + 2.0 / RATE
+    assert live.window.lag < 0.16
 
 
 def test_a_payload_is_beyond_the_limit(identified, recording) -> None:
@@ -212,7 +206,7 @@ def test_joints_in_messages_of_one_stamp_are_predicted_as_in_one_message(
     whole, split = LivePrediction(identified), LivePrediction(identified)
     expected = play(whole, *pair)[-1]
     last = play(split, *(in_two_messages(stream, apart=0, reverse=reverse) for stream in pair))[-1]
-    assert (split.rate, split.late) == (RATE, 0)
+    assert (split.window.rate, split.late) == (RATE, 0)
     assert last.reason == "" and last.stamp == expected.stamp
     np.testing.assert_allclose(last.predicted, expected.predicted, atol=1e-6)
     np.testing.assert_allclose(last.measured, expected.measured, atol=1e-6)
@@ -223,7 +217,7 @@ def test_joints_in_messages_with_other_stamps_are_on_their_own_clocks(identified
     split = LivePrediction(identified)
     apart = [in_two_messages(stream, apart=1, reverse=True) for stream in pair]
     assert not play(split, *apart)[-1].reason
-    assert (split.rate, split.late) == (RATE / 2.0, 0)
+    assert (split.window.rate, split.late) == (RATE / 2.0, 0)
     shares = []
     for first in (0, 1):  # all joints at the stamps of the first three, and of the others
         whole = LivePrediction(identified)
@@ -277,12 +271,12 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
     predictions = play(live, *pair)
     reasons = {prediction.reason for prediction in predictions}
     assert any("position changed from 1000 to 250 Hz" in reason for reason in reasons)
-    assert live.rate == 250.0
+    assert live.window.rate == 250.0
     assert predictions[-1].reason == ""
     # White noise of the efforts, one sample in four, has four times the power in the same band.
     shares = live.rows.share(1e9, 20) / identified.noise_floor
     assert np.all((shares > 1.0) & (shares < 2.4))
-    for level in joint_levels(identified, live.rows, live.rate, false_warnings=1.0):
+    for level in joint_levels(identified, live.rows, live.window.rate, false_warnings=1.0):
         assert level.limit is None
         assert "250 Hz" in level.sentence and "1000 Hz" in level.sentence
 

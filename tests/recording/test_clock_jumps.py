@@ -8,8 +8,9 @@ import pytest
 import scipy.interpolate  # noqa: F401 - its import would count as memory of a reading
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording import Recording, read_recordings
 from idim_iv_ros.recording.clock import on_one_clock
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
 from tests.recording.bag_writer import joint_state, write
 
 RATE = 100.0

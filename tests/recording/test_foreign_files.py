@@ -14,8 +14,10 @@ from rosbags.rosbag2 import StoragePlugin
 from scipy.io import savemat
 
 from idim_iv_ros.errors import DataError, IdimError, UsageError
-from idim_iv_ros.recording import Recording, import_table, read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
+from idim_iv_ros.recording.table import import_table
 from idim_iv_ros.recording.table_map import proposed_map
 from tests.recording.bag_writer import STORE, float_array, joint_state, steady, write
 

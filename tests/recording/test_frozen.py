@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
 from idim_iv_ros.recording.frozen_channels import frozen_efforts, frozen_positions, moving_speed
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 FloatArray = NDArray[np.float64]
 

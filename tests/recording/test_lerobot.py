@@ -8,7 +8,8 @@ import pytest
 from pyarrow import parquet
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording import ImportSummary, import_table, read_recordings
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.table import ImportSummary, import_table
 from idim_iv_ros.recording.table_file import read_array
 from idim_iv_ros.recording.table_map import proposed_map
 

@@ -9,10 +9,11 @@ from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
 from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
-from idim_iv_ros.recording.writing.growing_bag import GrowingBag, SplitLimits
-from idim_iv_ros.recording.writing.write import TopicChannel, serialised
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
+from idim_iv_ros.recording.writing.growing_bag import GrowingBag
+from idim_iv_ros.recording.writing.write import JointTopic, TopicChannel, serialised, write_bag
 from tests.recording import bag_writer
 
 JOINTS = ["a", "b"]
@@ -34,7 +35,7 @@ def _by_write_bag(folder: Path) -> Path:
 
 def _by_the_recorder(folder: Path) -> Path:
     """As the recorder writes when nothing can be committed for a while: all at once."""
-    bag = GrowingBag(folder / "recorded", SplitLimits())
+    bag = GrowingBag(folder / "recorded")
     stamps = np.round(TIME * 1e9).astype(np.int64)
     messages = []
     for topic in TOPICS:

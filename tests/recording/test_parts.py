@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
 from tests.recording.bag_writer import joint_state, write
 
 ARM = ("a", "b", "c")

@@ -7,7 +7,9 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from tests.recording.bag_writer import float_array, joint_state, steady, write
 
 

@@ -6,10 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros.recording import Recording, Signal, in_recordings, session_of
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_bag, read_segments
-from idim_iv_ros.recording.recording import LONGEST_PAUSE
+from idim_iv_ros.recording.recording import (
+    LONGEST_PAUSE,
+    Recording,
+    Signal,
+    in_recordings,
+    session_of,
+)
 from idim_iv_ros.recording.request import Request
 from tests.recording.bag_writer import NAMES, steady, write
 

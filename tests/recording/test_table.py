@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import ImportSummary, import_table, read_recordings
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.table import ImportSummary, import_table
 
 JOINTS = ["a", "b"]
 TIME = np.arange(1000) / 100.0

@@ -6,7 +6,8 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording import Recording, read_recordings
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
 from tests.recording.bag_writer import TYPES, joint_state, write
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

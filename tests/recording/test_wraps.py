@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from idim_iv_ros.recording import JointTopic, Recording, read_recordings, write_bag
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.recording.wraps import unwrapped
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 
 FloatArray = NDArray[np.float64]
 TURN = 2.0 * np.pi

@@ -22,7 +22,7 @@ from idim_iv_ros.identification.result import (
     Refined,
     RefinedEstimate,
 )
-from idim_iv_ros.recording import ClockQuality, Note
+from idim_iv_ros.recording.recording import ClockQuality, Note
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
 from idim_iv_ros.statistics.verdict import judge_all, judge_joint

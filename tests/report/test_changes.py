@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.model import DynamicParameters
-from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.report import numerals
 from idim_iv_ros.report.changes import changed_values
 from idim_iv_ros.report.numerals import MISSING, count, exact, measured, number, p_value, percent

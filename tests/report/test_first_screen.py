@@ -13,7 +13,6 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     RecordingAgreement,
 )
-from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.advice import (
     contrast_steps,
     diagnosis_headline,
@@ -23,6 +22,7 @@ from idim_iv_ros.report.advice import (
 )
 from idim_iv_ros.report.gap_words import lacking_row, wrong_numbers
 from idim_iv_ros.report.numerals import THIN, percent
+from idim_iv_ros.report.page import gap_report_html
 from idim_iv_ros.report.section import Files, Report
 from tests.report.sample_gap import CASES, Case, sample_contrast, sample_gap
 from tests.report.sample_result import sample_result

@@ -9,8 +9,8 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import GapResult, Where
 from idim_iv_ros.excitation.segments import separating_motion
-from idim_iv_ros.report import gap_report_html
 from idim_iv_ros.report.figures import typed
+from idim_iv_ros.report.page import gap_report_html
 from idim_iv_ros.report.sections.torque import tracking_figure
 from tests.report.sample_gap import sample_gap
 from tests.report.test_html import Page

@@ -10,7 +10,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report import gap_report_html, report_html
+from idim_iv_ros.report.page import gap_report_html, report_html
 from tests.report.sample_gap import CASES as DIAGNOSES
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result

@@ -14,9 +14,10 @@ from benchmarks.fleet.synthetic import Drawn, fleet
 from idim_iv_ros.errors import ReportWarning, UsageError
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.result import FleetResult
-from idim_iv_ros.report import page, require_writable, write_report
+from idim_iv_ros.report import page
 from idim_iv_ros.report.fleet import fleet_html, headline, steps
 from idim_iv_ros.report.section import Files, Section
+from idim_iv_ros.report.write import require_writable, write_report
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 

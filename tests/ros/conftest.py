@@ -20,7 +20,7 @@ os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
 import rclpy
 
 from idim_iv_ros import load_configuration
-from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.simulators.recording import simulate
 from tests.ros.identifier_client import IdentifierClient

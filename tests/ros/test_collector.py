@@ -13,7 +13,8 @@ from rclpy.action import ActionClient
 from idim_iv_interfaces.action import Collect
 from idim_iv_interfaces.msg import RecorderStatus
 from idim_iv_ros import load_configuration
-from idim_iv_ros.excitation import load_model, motion_limits
+from idim_iv_ros.excitation.excite import load_model
+from idim_iv_ros.excitation.limits import motion_limits
 from idim_iv_ros.nodes.collector.neighbours import RecorderNeighbour
 from tests.ros.conftest import ARM2
 from tests.ros.kinematic_robot import KinematicRobot

@@ -89,8 +89,9 @@ def test_jobs_are_done_in_order_with_a_process_for_each(bench: Bench) -> None:
     bench.worker.end(message="valid")
     assert bench.poll() == [("c", True, "valid")]
     assert bench.queue.running is None
-    assert [worker.request["bags"] for worker in bench.workers] == [["a"], ["b"], ["c"]]
-    there = {str(path) for path in Path(bench.settings.output_directory).iterdir()}
+    bags = [tuple(map(Path, name)) for name in "abc"]
+    assert [worker.request["bags"] for worker in bench.workers] == bags
+    there = set(Path(bench.settings.output_directory).iterdir())
     assert there == {bench.workers[0].request["out"], bench.workers[2].request["out"]}
 
 

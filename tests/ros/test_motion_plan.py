@@ -5,7 +5,7 @@ import pytest
 
 from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.nodes.collector.following import Supervision
 from idim_iv_ros.nodes.simulator.playback import REST as RESTING
 from idim_iv_ros.nodes.simulator.playback import MotionSimulation, commanded
@@ -62,7 +62,7 @@ def test_motion_that_takes_the_place_of_another_goes_on_from_it_without_a_step()
     places = np.column_stack([0.5 * (1.0 - np.cos(np.pi * time / 2.0)), 0.0 * time])
     speeds = np.gradient(places, 1.0 / RATE, axis=0)
     swing = Trajectory(joints, RATE, places, speeds, np.zeros_like(places))
-    simulation = MotionSimulation(configuration, robot, RATE)
+    simulation = MotionSimulation(robot, RATE)
     before, references = simulation.published(np.zeros(2), swing, seed=1)
     change = 1500  # a second into the swing, behind half a second of approach: at 0.5 rad
     assert references[change][0] == pytest.approx(0.5, abs=0.01)

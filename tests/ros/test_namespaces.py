@@ -1,5 +1,6 @@
 """Two robots in two namespaces: the same nodes, the same configuration, nothing mixed up."""
 
+import pickle
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -10,13 +11,13 @@ import pytest
 from idim_iv_interfaces.srv import Identify
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
 from idim_iv_ros.cli.main import main
-from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.nodes.identifier.job import JobListener
 from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.nodes.parameters import declare
 from idim_iv_ros.nodes.settings import IdentifierSettings
-from idim_iv_ros.recording import read_recordings
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.simulators.recording import recorded_topics, simulated_robot
 from tests.ros.conftest import ARM2
 from tests.ros.node_alone import node_alone
@@ -98,7 +99,7 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     topics = {
         side: [
             replace(topic, name=f"/{side}/{topic.name}")
-            for topic in recorded_topics(configuration, simulated, simulated.record(motion, seed))
+            for topic in recorded_topics(simulated, simulated.record(motion, seed))
         ]
         for seed, side in enumerate(SIDES)
     }
@@ -113,10 +114,9 @@ def test_an_identifier_takes_the_robot_of_its_namespace(begin_ros, tmp_path: Pat
     identifier = Identifier((), lambda *given: workers.append(ToldWorker(*given)) or workers[-1])
     identifier._submit("identification", Identify.Request(bags=["both.mcap"]), JobListener(print))
     identifier._jobs.poll()
-    request = workers[0].request
+    request = pickle.loads(pickle.dumps(workers[0].request))  # as it goes to another process
     identifier.close()
-    namespaced = configuration.with_node_topics(request["topics"])
-    result = identify([Path(bag) for bag in request["bags"]], namespaced, estimator="idim-ls")
+    result = identify(request["bags"], request["configuration"], estimator="idim-ls")
     values = {parameter.name: parameter.value for parameter in result.parameters}
     assert values == pytest.approx(
         {parameter.name: parameter.value for parameter in expected.parameters}

@@ -16,7 +16,7 @@ from sensor_msgs.msg import Temperature
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording import read_recordings
+from idim_iv_ros.recording.read import read_recordings
 from tests.ros.processes import Process, numbers, only_bag
 
 BOTH = [{"name": "/joint_states"}, {"name": "/joint_reference"}]

@@ -13,7 +13,7 @@ from std_msgs.msg import Bool, String
 
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros import load_configuration
-from idim_iv_ros.recording import read_recordings
+from idim_iv_ros.recording.read import read_recordings
 from tests.ros.conftest import ARM2
 from tests.ros.identifier_client import IdentifierClient, require_truth
 from tests.ros.launch_file import launched_nodes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.servos import URDF, mujoco_servo
-from idim_iv_ros.recording import JointTopic, write_bag
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.servo.robot_fit import Motion
 
 

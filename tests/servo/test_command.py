@@ -10,7 +10,8 @@ import pytest
 from benchmarks.servos import LIMIT, TRUTH, mujoco_servo
 from idim_iv_ros import diagnose, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.servo.actuators import write_servo_files
 from idim_iv_ros.servo.identify import identify_servos
 from idim_iv_ros.signals.joint_side import joint_side

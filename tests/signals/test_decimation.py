@@ -8,7 +8,8 @@ from scipy.signal import cheby1, decimate, sosfiltfilt
 
 from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording import JointTopic, read_recordings, write_bag
+from idim_iv_ros.recording.read import read_recordings
+from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.signals import (
     Cutoffs,
     central_differences,

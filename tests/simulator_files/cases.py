@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest, read_urdf_file
 from idim_iv_ros.physical import nearest_physical
-from idim_iv_ros.simulator_files import Exported
+from idim_iv_ros.simulator_files.export import Exported
 from tests.inputs import gap_content
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"

@@ -9,7 +9,7 @@ import pytest
 from bags.simulated_arms import CONFIG, arm2, arm6, arm7
 from benchmarks.paper_tx40.published import TABLE_1
 from idim_iv_ros import Configuration, DataError, UsageError, load_configuration
-from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.signals import joint_side

@@ -17,11 +17,11 @@ from idim_iv_ros import load_configuration, replay_bags
 from idim_iv_ros.configuration import Configuration, SimulatorSection
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import DynamicParameters, InverseModel, build_inverse_model, read_urdf_file
-from idim_iv_ros.recording import write_bag
+from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.report.replay import shrinkage, steps
 from idim_iv_ros.report.section import Files
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
-from idim_iv_ros.simulator_files import Exported
+from idim_iv_ros.simulator_files.export import Exported
 from idim_iv_ros.simulators.mujoco_parts import (
     add_motors,
     nearest_parameters,
@@ -294,6 +294,12 @@ def nominal(made: Exported, folder: Path, key: str, path: Path) -> Configuration
     return load_configuration(config)
 
 
+def errors(bag: Path, configuration: Configuration, model: Path, effects: Path, stage: str):
+    """Tracking errors of one stage, (n_samples, n_joints) rad."""
+    replayed = replay_bags(bag, configuration, model=model, effects=effects, stages=(stage,))
+    return np.column_stack([series.errors[stage] for series in replayed.series])
+
+
 def test_native_effects_are_simulated_once(
     arm: Case,
     made: Exported,
@@ -310,16 +316,10 @@ def test_native_effects_are_simulated_once(
     callbacks.write_text(json.dumps(document), encoding="utf-8")
     configuration = arm.configuration
     last = "with effects"
-    native = replay_bags(
-        robot_bag, configuration, model=made.mjcf, effects=made.effects, stages=(last,)
-    ).positions[last]
+    native = errors(robot_bag, configuration, made.mjcf, made.effects, last)
     # The friction of both is as stiff: constant torques act on both joints.
-    at_each_step = replay_bags(
-        robot_bag, configuration, model=plain.mjcf, effects=callbacks, stages=(last,)
-    ).positions[last]
-    without = replay_bags(
-        robot_bag, configuration, model=plain.mjcf, effects=plain.effects, stages=("corrected",)
-    ).positions["corrected"]
+    at_each_step = errors(robot_bag, configuration, plain.mjcf, callbacks, last)
+    without = errors(robot_bag, configuration, plain.mjcf, plain.effects, "corrected")
 
     def rms(values: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.square(values))))

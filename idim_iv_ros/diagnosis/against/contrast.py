@@ -30,7 +30,7 @@ from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
 from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import FloatArray
 
 

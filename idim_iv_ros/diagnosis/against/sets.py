@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
-from idim_iv_ros.recording import Recording, Session, session_of
+from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import BoolArray, FloatArray
 

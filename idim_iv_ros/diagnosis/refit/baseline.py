@@ -25,7 +25,7 @@ from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.model.parameters import unit_at
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import Motion, shifted
 from idim_iv_ros.types import FloatArray, IntArray
 

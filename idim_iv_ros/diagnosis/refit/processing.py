@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.least_squares import solve_least_squares
 from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import Motion
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray

@@ -20,7 +20,7 @@ from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turnin
 from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable, Stage
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.recording import Recording
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 

@@ -17,7 +17,7 @@ from idim_iv_ros.documents import Document, HighEnd, LowEnd, Number, Unsaved
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.files import GAP_FORMAT
 from idim_iv_ros.physical import PhysicalParameters
-from idim_iv_ros.recording import SessionPart
+from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.statistics.residuals import beyond_noise
 from idim_iv_ros.types import FloatArray
 

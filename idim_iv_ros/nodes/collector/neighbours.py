@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from idim_iv_interfaces.action import Identify
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation import Trajectory
+from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.nodes.settings import ACTION, TOPIC
 
 LOOK = 0.02  # s between two looks at the robot
@@ -207,9 +207,10 @@ class RecorderNeighbour:
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        services = {what: f"recorder/{what}" for what in ("start", "stop", "abort")}
-        self._clients = {what: node.create_client(Trigger, services[what]) for what in services}
-        self._names = {what: node.resolve_service_name(services[what]) for what in services}
+        self._clients = {
+            what: node.create_client(Trigger, f"recorder/{what}")
+            for what in ("start", "stop", "abort")
+        }
         self._closed: list[str] = []
         self._status: RecorderStatus | None = None
         self._heard_at, self._period = 0.0, 0.0
@@ -219,9 +220,9 @@ class RecorderNeighbour:
 
     def missing(self) -> str:
         """Return why the recorder cannot start a bag now; empty if it can."""
-        for what, client in self._clients.items():
+        for client in self._clients.values():
             if not client.service_is_ready():
-                return f"no {self._names[what]}: start the recorder"
+                return f"no {client.service_name}: start the recorder"
         status = self._status
         if status is None:
             return ""
@@ -229,7 +230,7 @@ class RecorderNeighbour:
             return silent
         if status.state in _WRITING:
             bag = Path(status.bag).name
-            return f"the recorder writes {bag} already: call {self._names['stop']}"
+            return f"the recorder writes {bag} already: call {self._clients['stop'].service_name}"
         return ""
 
     def trouble(self) -> str:
@@ -281,11 +282,11 @@ class RecorderNeighbour:
         self._closed.append(message.bag)
 
     def _call_service(self, what: str, tick: Tick) -> None:
-        client, name = self._clients[what], self._names[what]
+        client = self._clients[what]
         future: Any = client.call_async(Trigger.Request())
-        wait_until(future.done, _ANSWER, f"an answer of {name}", tick)
+        wait_until(future.done, _ANSWER, f"an answer of {client.service_name}", tick)
         if not future.result().success:
-            raise UsageError(f"{name}: {future.result().message}")
+            raise UsageError(f"{client.service_name}: {future.result().message}")
 
 
 class IdentifierNeighbour:

@@ -14,15 +14,15 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.diagnosis.result import GapResult
 from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.identification.identify import identify
-from idim_iv_ros.report import write_report
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.report.write import write_report
 
 _FEEDBACK_PERIOD = 0.05  # s
 _NO_ROOM = "failed to map segment"  # of a library that is loaded when the memory is used up
@@ -62,16 +62,12 @@ def _answer(request: Mapping[str, Any], send: Send) -> None:
 
 def _work(request: Mapping[str, Any], send: Send) -> str:
     os.chdir(request["out"])
-    os.environ["TMPDIR"] = tempfile.tempdir = request["out"]
+    os.environ["TMPDIR"] = tempfile.tempdir = str(request["out"])
     for limit, name in (("RLIMIT_DATA", "memory_limit"), ("RLIMIT_FSIZE", "file_limit")):
         kind = getattr(resource, limit)
         hard = resource.getrlimit(kind)[1]
         value = request[name] if hard == resource.RLIM_INFINITY else min(request[name], hard)
         resource.setrlimit(kind, (value, hard))
-    configuration = Configuration.model_validate(request["configuration"])
-    source = request["source"]
-    configuration = configuration.model_copy(update={"source": Path(source) if source else None})
-    configuration = configuration.with_node_topics(request["topics"])
     last: tuple[str, float] = ("", 0.0)
 
     def progress(stage: str, share: float) -> None:
@@ -80,17 +76,17 @@ def _work(request: Mapping[str, Any], send: Send) -> str:
             last = (stage, time.monotonic())
             send({"stage": stage, "progress": share})
 
-    bags, out = [Path(bag) for bag in request["bags"]], Path(request["out"])
+    bags, configuration, without = (request[key] for key in ("bags", "configuration", "without"))
+    result: IdentificationResult | GapResult
     if request["task"] == "identification":
         result = identify(bags, configuration, estimator=request["estimator"], progress=progress)
-        progress("writing", 1.0)
-        write_report(result, out, bags=bags)
-        return result.verdict.sentence
-    for name in request["without"]:
-        if name not in EFFECTS:
-            raise UsageError(f"without: {name!r} is no effect; there are {', '.join(EFFECTS)}")
-    without = tuple(request["without"])
-    gap = diagnose(bags, configuration, without=without, progress=progress)
+        answer = result.verdict.sentence
+    else:
+        for name in without:
+            if name not in EFFECTS:
+                raise UsageError(f"without: {name!r} is no effect; there are {', '.join(EFFECTS)}")
+        result = diagnose(bags, configuration, without=without, progress=progress)
+        answer = " ".join(result.summary.split())
     progress("writing", 1.0)
-    write_report(gap, out, bags=bags)
-    return " ".join(gap.summary.split())
+    write_report(result, request["out"], bags=bags)
+    return answer

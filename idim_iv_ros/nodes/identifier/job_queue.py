@@ -127,19 +127,17 @@ class JobQueue:
 
     def _begin(self, job: Job) -> None:
         """Create the folder of a job and start its worker."""
-        settings, configuration = self._settings(), job.configuration
+        settings = self._settings()
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)
             folder.mkdir(parents=True)
             request = {
                 "task": job.task,
-                "bags": [str(bag) for bag in job.bags],
-                "configuration": configuration.model_dump(mode="json", exclude_unset=True),
-                "source": configuration.source and str(configuration.source),
-                "topics": configuration.node_topics,
+                "bags": job.bags,
+                "configuration": job.configuration,
                 "estimator": job.estimator,
                 "without": job.without,
-                "out": str(folder),
+                "out": folder,
                 "memory_limit": settings.memory_limit,
                 "file_limit": settings.max_bag_size,
             }

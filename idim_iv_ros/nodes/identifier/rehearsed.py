@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.excitation import random_motion
+from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.report.page import report_html
 from idim_iv_ros.simulators.recording import simulate

@@ -25,8 +25,15 @@ from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status, message_of
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration
 from idim_iv_ros.nodes.settings import PredictorSettings
-from idim_iv_ros.prediction import IdentifiedModel, LivePrediction, Prediction, identified_model
-from idim_iv_ros.prediction.identified_model import LIMIT, SHARE, JointLevel, joint_levels
+from idim_iv_ros.prediction.identified_model import (
+    LIMIT,
+    SHARE,
+    IdentifiedModel,
+    JointLevel,
+    identified_model,
+    joint_levels,
+)
+from idim_iv_ros.prediction.live import LivePrediction, Prediction
 from idim_iv_ros.signal_source import field_of, topic_of
 
 WAITING = "no result yet: identify the robot, or set the parameter result"
@@ -170,7 +177,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._source = ModelSource(self._configuration, Path(self._settings.output_directory))
         self._topics = self._joint_topics()
         self._live: LivePrediction | None = None
-        self._newest = self._absent_prediction("nothing has arrived")
+        self._newest = Prediction.absent(len(self._joints), "nothing has arrived")
         self._said = ""
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
@@ -228,7 +235,7 @@ class Predictor(NodeProgram[PredictorSettings]):
             identified = self._source.identified
             self._live = None
             if identified is not None:
-                self._live = LivePrediction(identified, one_topic=len(self._topics) == 1)
+                self._live = LivePrediction(identified)
                 self.node.get_logger().info(f"predicting with {identified.path}")
         if self._source.reason != self._said:
             self._said = self._source.reason
@@ -238,14 +245,14 @@ class Predictor(NodeProgram[PredictorSettings]):
     def _predict(self) -> None:
         taken = {name: value for topic in self._topics for name, value in topic.take().items()}
         if self._live is None:
-            self._newest = self._absent_prediction(self._source.reason)
+            self._newest = Prediction.absent(len(self._joints), self._source.reason)
         else:
             now = self._now()
             self._live.add(taken["position"], taken["effort"], now)
             self._newest = self._live.newest(now)
             problem = next((topic.problem for topic in self._topics if topic.problem), "")
             if self._newest.reason and problem:
-                self._newest = self._absent_prediction(problem)
+                self._newest = Prediction.absent(len(self._joints), problem)
         newest, identified = self._newest, self._source.identified
         message = message_of(
             msg.Prediction,
@@ -262,10 +269,6 @@ class Predictor(NodeProgram[PredictorSettings]):
         )
         self._predictions.publish(message)
 
-    def _absent_prediction(self, reason: str) -> Prediction:
-        absent = np.full(len(self._joints), np.nan)
-        return Prediction(0, reason, absent, absent, absent, absent)
-
     def _mark(self) -> None:
         links = [self._settings.frame_prefix + link for link in self._source.links]
         if links and self._markers.get_subscription_count():
@@ -275,12 +278,12 @@ class Predictor(NodeProgram[PredictorSettings]):
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         live, identified = self._live, self._source.identified
-        rate, lag, late = (None, None, 0) if live is None else (live.rate, live.lag, live.late)
+        window = None if live is None else live.window
         values: dict[str, object] = {
             "result": "none" if identified is None else identified.path,
-            "rate of the samples (Hz)": "unknown" if rate is None else f"{rate:.4g}",
-            "filters wait for (s)": "unknown" if lag is None else f"{lag:.3f}",
-            "samples out of order": late,
+            "rate of the samples (Hz)": "unknown" if window is None else f"{window.rate:.4g}",
+            "filters wait for (s)": "unknown" if window is None else f"{window.lag:.3f}",
+            "samples out of order": 0 if live is None else live.late,
             "damaged messages": sum(topic.damaged for topic in self._topics),
         }
         reason = self._newest.reason
@@ -288,9 +291,9 @@ class Predictor(NodeProgram[PredictorSettings]):
         statuses = [
             diagnostic_status(level, f"{name}: prediction", name, reason or "predicting", values)
         ]
-        if live is not None and rate is not None and identified is not None:
+        if live is not None and window is not None and identified is not None:
             accepted = self._settings.false_warnings
-            levels = joint_levels(identified, live.rows, rate, accepted)
+            levels = joint_levels(identified, live.rows, window.rate, accepted)
             statuses += [joint_diagnosis(name, level) for level in levels]
         self._diagnostics.publish(*statuses)
 

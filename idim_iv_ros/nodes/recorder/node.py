@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.entry import in_thread, run_node, steady_timer
+from idim_iv_ros.nodes.entry import Result, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.messages import Diagnostics
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.recorder.report import (
@@ -27,7 +27,7 @@ from idim_iv_ros.nodes.recorder.report import (
     topic_status,
 )
 from idim_iv_ros.nodes.recorder.session import RecordingSession, State
-from idim_iv_ros.nodes.recorder.threads import Intake, Result, WriterThread
+from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
 from idim_iv_ros.nodes.recorder.topics import TopicSet
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
@@ -52,9 +52,8 @@ class Recorder(NodeProgram[RecorderSettings]):
         node = self.node
         self._session = RecordingSession(self._settings, self._now, self._bag_ended)
         self._writer = WriterThread(self._session)
-        self._intake = Intake(self._writer, lambda: self._settings.max_message_size, self._log_time)
         self._topics = TopicSet(node, self._settings, node.get_logger().error)
-        self._intake.topics = self._topics.topics
+        self._intake = Intake(self._writer, self._topics, self._log_time)
         self._status = node.create_publisher(RecorderStatus, "~/status", 10)
         self._bags = node.create_publisher(BagClosed, "~/bag_closed", 10)
         self._diagnostics = Diagnostics(node)
@@ -76,12 +75,12 @@ class Recorder(NodeProgram[RecorderSettings]):
         }
         for name in self._actions:
             node.create_service(Trigger, f"~/{name}", partial(self._answer, name))
-        steady_timer(node, _LOOK, self._look)
+        steady_timer(node, _LOOK, self._topics.look)
         steady_timer(node, self._settings.status_period, self._report)
         self._follow_changes()
         self._writer.start()
         self._intake.start()
-        self._look()
+        self._topics.look()
         watched = ", ".join(topic.name for topic in self._topics.topics)
         folder = Path(self._settings.bag_directory).resolve()
         node.get_logger().info(f"ready: {watched}; bags go to {folder}")
@@ -147,10 +146,6 @@ class Recorder(NodeProgram[RecorderSettings]):
             log.info(response.message)
         return response
 
-    def _look(self) -> None:
-        self._topics.look()
-        self._intake.topics = self._topics.topics
-
     def _report(self) -> None:
         name = self.node.get_fully_qualified_name()
         now = time.monotonic()
@@ -198,11 +193,9 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._session.ring.keep(settings.snapshot_duration, settings.snapshot_memory)
         if "configuration" in given:
             self._topics.configure(settings)
-            self._intake.topics = self._topics.topics
             self._call(self._session.forget)
         elif given & {"extra_topics", "extra_topics_regex"}:
             self._topics.extend(settings)
-        self._intake.topics = self._topics.topics
 
 
 class SnapshotService:

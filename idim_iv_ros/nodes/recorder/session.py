@@ -18,7 +18,6 @@ from idim_iv_ros.recording.writing.growing_bag import (
     FileSummary,
     GrowingBag,
     Message,
-    SplitLimits,
 )
 from idim_iv_ros.recording.writing.write import PRESETS, Storage, TopicChannel
 
@@ -143,7 +142,7 @@ class RecordingSession:
         """
         if self.bag is not None:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
-        limits = SplitLimits(self.settings.max_file_size, self.settings.max_file_duration)
+        settings = self.settings
         latched, channels = self._last_latched()
         folder = Path(self.settings.bag_directory).resolve()
         try:
@@ -154,7 +153,13 @@ class RecordingSession:
                 # Another recorder may begin in the same second, and be faster.
                 with suppress(FileExistsError):
                     self.bag = GrowingBag(
-                        folder, limits, self._clock, latched, channels, storage=self._storage
+                        folder,
+                        self._clock,
+                        latched,
+                        channels,
+                        storage=self._storage,
+                        max_size=settings.max_file_size,
+                        max_duration=settings.max_file_duration,
                     )
         except OSError as error:
             raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
@@ -246,9 +251,7 @@ class RecordingSession:
 
         def write() -> ClosedBag:
             first = messages[0][0]
-            bag = GrowingBag(
-                folder, SplitLimits(), lambda: first, before, list(topics.values()), storage=storage
-            )
+            bag = GrowingBag(folder, lambda: first, before, list(topics.values()), storage=storage)
             try:
                 bag.add(messages)
                 return bag.close()

@@ -4,22 +4,20 @@ Taking messages never waits for a disk.
 """
 
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable
 from itertools import repeat
 from queue import Empty, SimpleQueue
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from idim_iv_ros.errors import one_line
+from idim_iv_ros.nodes.entry import Result, promised
 from idim_iv_ros.nodes.recorder.session import RecordingSession
 from idim_iv_ros.nodes.recorder.topic_monitor import Taken, TopicMonitor, batch_of
-from idim_iv_ros.nodes.recorder.topics import WatchedTopic
+from idim_iv_ros.nodes.recorder.topics import TopicSet
 from idim_iv_ros.recording.writing.growing_bag import Message
 from idim_iv_ros.recording.writing.write import TopicChannel
-
-Result = TypeVar("Result")
 
 _PERIOD, _INTAKE_PERIOD = 0.1, 0.01  # s
 
@@ -54,15 +52,8 @@ class WriterThread(threading.Thread):
 
     def call(self, function: Callable[[], Result], timeout: float = 10.0) -> Result:
         """Run a function in this thread after all queued messages, and return its result."""
-        future: Future[Result] = Future()
-
-        def run() -> None:
-            try:
-                future.set_result(function())
-            except Exception as error:  # belongs to the caller, who waits in another thread
-                future.set_exception(error)
-
-        self._queue.put(run)
+        future, work = promised(function)
+        self._queue.put(work)
         self._wake.set()
         return future.result(timeout)
 
@@ -136,18 +127,16 @@ class _Batch(NamedTuple):
 class Intake(threading.Thread):
     """Thread that takes messages of all topics a hundred times a second for the writer.
 
-    It waits on a steady clock, so that simulated time cannot stop it. `largest` returns the size of
-    the largest message that is taken, bytes; `log_time` returns the log time, ns, or None for the
-    time of receipt. `failure` says why messages could not be taken.
+    It waits on a steady clock, so that simulated time cannot stop it. `log_time` returns the log
+    time, ns, or None for the time of receipt. `failure` says why messages could not be taken.
     """
 
     def __init__(
-        self, writer: WriterThread, largest: Callable[[], int], log_time: Callable[[], int | None]
+        self, writer: WriterThread, topics: TopicSet, log_time: Callable[[], int | None]
     ) -> None:
         super().__init__(name="intake", daemon=True)
-        self.topics: Sequence[WatchedTopic] = ()
         self.failure = ""
-        self._writer, self._largest, self._log_time = writer, largest, log_time
+        self._writer, self._topics, self._log_time = writer, topics, log_time
         self._lock = threading.Lock()
         self._ended = threading.Event()
 
@@ -162,8 +151,8 @@ class Intake(threading.Thread):
     def drain(self) -> None:
         """Hand all messages that have arrived to the writer."""
         with self._lock:
-            for topic in self.topics:
-                taken = topic.take(self._largest())
+            for topic in self._topics.topics:
+                taken = topic.take(self._writer.session.settings.max_message_size)
                 if taken and topic.channel is not None:
                     self._writer.submit(topic.channel, topic.monitor, taken, self._log_time())
 

@@ -17,13 +17,14 @@ from trajectory_msgs.msg import JointTrajectory
 
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
-from idim_iv_ros.excitation import Trajectory, random_motion, read_trajectory
+from idim_iv_ros.excitation.excite import random_motion
+from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory
 from idim_iv_ros.nodes.entry import LATCHED, CannotGoOnError, in_thread, run_node, steady_timer
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import SimulatorSettings
 from idim_iv_ros.nodes.simulator.playback import MotionSimulation, Playback, commanded
-from idim_iv_ros.recording import JointTopic
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION
+from idim_iv_ros.recording.writing.write import JointTopic
 from idim_iv_ros.simulators.recording import simulated_robot
 
 ABOUT = """robot_simulator: a simulated robot that publishes its joint states in real time.
@@ -161,7 +162,7 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
         in_thread(work, "planning")
 
     def _random_motion(self, duration: float, seed: int) -> Trajectory:
-        configuration, rate = self._simulation.configuration, self._simulation.rate
+        configuration, rate = self._simulation.robot.configuration, self._simulation.rate
         return random_motion(configuration, duration=duration, rate=rate, seed=seed)
 
     def _from_rest(self, trajectory: Trajectory | None) -> list[JointTopic]:
@@ -227,7 +228,7 @@ def _load_simulation(path: Path) -> MotionSimulation:
         raise UsageError(
             f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
         )
-    return MotionSimulation(configuration, simulated_robot(configuration), float(rate))
+    return MotionSimulation(simulated_robot(configuration), float(rate))
 
 
 run = partial(run_node, "robot_simulator", RobotSimulator, ABOUT)

@@ -9,12 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
-from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError, one_line
-from idim_iv_ros.excitation import Trajectory
-from idim_iv_ros.excitation.trajectory import quintic
-from idim_iv_ros.recording import JointTopic
-from idim_iv_ros.recording.writing.write import serialised
+from idim_iv_ros.excitation.trajectory import Trajectory, quintic, shortest_quintic
+from idim_iv_ros.recording.writing.write import JointTopic, serialised
 from idim_iv_ros.simulators.recording import SimulatedRobot, recorded_topics
 from idim_iv_ros.types import FloatArray
 
@@ -72,7 +69,6 @@ class MotionSimulation:
     rad (m), whose last REST seconds are at rest. `seed` is that of the noise.
     """
 
-    configuration: Configuration
     robot: SimulatedRobot
     rate: float
 
@@ -126,7 +122,7 @@ class MotionSimulation:
         joints = self.robot.robot.joints
         motion = Trajectory(joints, self.rate, whole, velocity, np.zeros_like(whole))
         record = self.robot.record(motion, seed)
-        topics = recorded_topics(self.configuration, self.robot, record)
+        topics = recorded_topics(self.robot, record)
         # The loop begins unloaded and settles in the first rest, which nobody sees.
         return [_without_start(topic, REST) for topic in topics], whole[rest:]
 
@@ -134,7 +130,7 @@ class MotionSimulation:
         """Return the duration, s, of a slow fifth-order polynomial over a distance (n_joints,)."""
         limit = self.robot.robot.limits.velocity
         speed = np.where(np.isfinite(limit), _SHARE * limit, _SPEED)
-        return 1.875 * float(np.max(np.abs(way) / speed))
+        return shortest_quintic(way, speed, np.full_like(speed, np.inf))
 
     def _motion(self, trajectory: Trajectory) -> Trajectory:
         """Return a trajectory in the robot's order of joints; a UsageError if beyond limits."""

@@ -71,18 +71,22 @@ class ByteSource(Protocol):
 class LocalFile:
     """A file on this machine as a `ByteSource`."""
 
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self.size = os.fstat(descriptor).st_size
+    def __init__(self, path: Path) -> None:
+        self.path, self.size = path, path.stat().st_size
 
     def read(self, first: int, last: int) -> bytes:
         """Return the bytes `first` to `last`, the end excluded."""
-        return os.pread(self._descriptor, last - first, first)
+        with self.path.open("rb") as file:
+            return os.pread(file.fileno(), last - first, first)
 
 
 @contextmanager
-def copied(source: ByteSource) -> Iterator[IO[bytes]]:
-    """Yield a copy as a temporary file without a name, which no crash can leave behind."""
+def opened(source: ByteSource) -> Iterator[IO[bytes]]:
+    """Yield the file; of one that is elsewhere a copy without a name, which no crash leaves."""
+    if isinstance(source, LocalFile):
+        with source.path.open("rb") as file:
+            yield file
+        return
     with tempfile.TemporaryFile(prefix="idim_iv_") as file:
         for first in range(0, source.size, READ_AHEAD):
             file.write(source.read(first, min(first + READ_AHEAD, source.size)))
@@ -130,9 +134,7 @@ class BagFile(ABC):
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield topic and raw messages of the wanted topics, each batch in the order of arrival.
 
+        Where no topic is wanted, no more is read than what tells all topics.
+
         Raises DataError: not a file of this format.
         """
-
-    def summarised_topics(self) -> dict[str, str]:
-        """Return the type of each topic from the file's summary; empty without one."""
-        return {}

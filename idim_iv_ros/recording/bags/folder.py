@@ -4,7 +4,7 @@ import os
 import shutil
 import tempfile
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import NO_FILE, FilePaths, as_paths, is_file, is_there
 from idim_iv_ros.interruption import undone_if_interrupted
-from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, MessageBatch, copied
+from idim_iv_ros.recording.bags.bag_file import BagFile, ByteSource, LocalFile, MessageBatch, opened
 from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 from idim_iv_ros.recording.bags.mcap import McapFile
 from idim_iv_ros.recording.bags.sqlite import SqliteFile
@@ -63,13 +63,10 @@ class Bag:
         with ExitStack() as stack:
             for path, file in self._files(stack):
                 for topic, batch in file.batches(wanted):
-                    note_type(self.topics, topic, file.topics[topic])
-                    self._add_definitions(file)
+                    self._add_types(file)
                     self.seen[topic] += len(batch)
                     yield topic, batch
-                for topic, kind in file.topics.items():
-                    note_type(self.topics, topic, kind)
-                self._add_definitions(file)
+                self._add_types(file)
                 self.missing.update(file.missing)
                 self.counted &= file.counted
                 name = "the file" if path == self.path else path.name
@@ -82,28 +79,25 @@ class Bag:
             self._count_missing(wanted)
 
     def topic_types(self) -> dict[str, str]:
-        """Return the type of each topic, from the summaries of MCAP files where they have one.
-
-        A file without a summary is read to its end.
+        """Return the type of each topic; an MCAP file without a summary is read to its end.
 
         Raises UsageError: no such file or folder. DataError: not a bag.
         """
         topics: dict[str, str] = {}
         with ExitStack() as stack:
             for _, file in self._files(stack):
-                summarised = file.summarised_topics()
-                if not summarised:
-                    deque(file.batches(set()), maxlen=0)  # read to its end
-                topics.update(summarised or file.topics)
+                deque(file.batches(set()), maxlen=0)
+                topics.update(file.topics)
         return topics
 
     def _files(self, stack: ExitStack) -> Iterator[tuple[Path, BagFile]]:
         for path in list(self.sources) or bag_files(self.path):
             yield path, self._file(path, stack)
 
-    def _add_definitions(self, file: BagFile) -> None:
-        if len(file.definitions) != len(self.definitions):
-            self.definitions = {**self.definitions, **file.definitions}
+    def _add_types(self, file: BagFile) -> None:
+        for topic, kind in file.topics.items():
+            note_type(self.topics, topic, kind)
+        self.definitions.update(file.definitions)
 
     def _file(self, path: Path, stack: ExitStack) -> BagFile:
         source = self.sources.get(path)
@@ -111,7 +105,9 @@ class Bag:
             return McapFile(path, source=source)
         local = path if source is None else _copy(path, source, stack)
         whole = _decompress(local, stack) if local.suffix.lower() == ".zstd" else local
-        return McapFile(whole) if whole.suffix.lower() == ".mcap" else SqliteFile(whole)
+        if whole.suffix.lower() == ".mcap":
+            return McapFile(whole, source=LocalFile(whole))
+        return SqliteFile(whole)
 
     def _count_missing(self, wanted: set[str]) -> None:
         """Count missing messages against metadata.yaml, if that has counts."""
@@ -219,7 +215,7 @@ def _temporary(stack: ExitStack) -> Path:
 def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
     """Copy a remote file that cannot be read in parts (a database, or compressed as a whole)."""
     out = _temporary(stack) / path.name
-    with copied(source) as content, out.open("wb") as target:
+    with opened(source) as content, out.open("wb") as target:
         content.seek(0)
         shutil.copyfileobj(content, target)
     return out
@@ -235,30 +231,19 @@ def _decompress(path: Path, stack: ExitStack) -> Path:
     return out
 
 
-def loss_sentence(bag: Bag, topics: Iterable[str]) -> str:
-    """Return a sentence on messages saved and lost of some topics; empty for an intact bag."""
+def loss_notes(bag: Bag, topics: Sequence[str]) -> list[Note]:
+    """Return a note on messages saved and lost of some topics; none for an intact bag.
+
+    It has `limits` if a message of the topics is lost.
+    """
     if not bag.damages:
-        return ""
-    parts = "; ".join(_topic_sentence(bag, topic) for topic in topics)
-    return f"{' and '.join(bag.damages)}: {parts}"
-
-
-def with_loss(error: DataError, bag: Bag, topics: Iterable[str]) -> DataError:
-    """Return an error with the bag's losses added, which are a likely reason."""
-    loss = loss_sentence(bag, topics)
-    return DataError(f"{error} ({loss})" if loss else str(error))
-
-
-def loss_notes(bag: Bag, topics: Iterable[str]) -> list[Note]:
-    """Return the losses as a note; it has `limits` if a message of the topics is lost."""
-    listed = list(topics)
-    sentence = loss_sentence(bag, listed)
-    if not sentence:
         return []
-    lost = not bag.counted or any(bag.missing[topic] for topic in listed)
-    return [Note("", sentence, 1, limits=lost)]
-
-
-def _topic_sentence(bag: Bag, topic: str) -> str:
-    lost = f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
-    return f"{bag.seen[topic]} messages on {topic} were saved, {lost}"
+    losses = {
+        topic: f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
+        for topic in topics
+    }
+    parts = (
+        f"{bag.seen[topic]} messages on {topic} were saved, {losses[topic]}" for topic in losses
+    )
+    lost = not bag.counted or any(bag.missing[topic] for topic in topics)
+    return [Note("", f"{' and '.join(bag.damages)}: {'; '.join(parts)}", 1, limits=lost)]

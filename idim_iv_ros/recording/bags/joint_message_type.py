@@ -159,7 +159,7 @@ class JointMessageType:
     @property
     def numbered(self) -> bool:
         """Return whether its numbers have no names, and follow the order of the joints."""
-        return self.name == FLOAT_ARRAY or self.name not in (JOINT_STATE, *ROS2_CONTROL)
+        return self.name not in (JOINT_STATE, *ROS2_CONTROL)
 
     def require_readable(self, bag: object, topic: str) -> None:
         """Check that the type holds joint quantities, and the named field.

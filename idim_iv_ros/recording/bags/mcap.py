@@ -10,7 +10,6 @@ import struct
 import zlib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import NamedTuple
@@ -28,9 +27,8 @@ from idim_iv_ros.recording.bags.bag_file import (
     READ_AHEAD,
     BagFile,
     ByteSource,
-    LocalFile,
     MessageBatch,
-    copied,
+    opened,
 )
 from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 from idim_iv_ros.types import IntArray
@@ -211,51 +209,37 @@ def read_summary(source: ByteSource) -> McapDescription | None:
 
 @dataclass
 class McapFile(BagFile):
-    """One MCAP file; `source` gives the bytes of a file that is not on this machine."""
+    """One MCAP file; `source` gives its bytes, from this machine or another."""
 
-    source: ByteSource | None = None
+    source: ByteSource = field(kw_only=True)
     _description: McapDescription = field(default_factory=McapDescription)
     _seen: Counter[int] = field(default_factory=Counter)
 
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield topic and raw messages of the wanted topics, chunk by chunk; see `BagFile`."""
-        with self._open() as source:
-            summary = read_summary(source)
-            self._description = summary or McapDescription()
-            self.topics = self._description.topics
-            self.definitions = self._description.definitions
-            if summary is not None and summary.lists_every_message(source.size):
-                for places in summary.stretches(wanted):
-                    start = places[0][0]
-                    content = source.read(start, places[-1][1])
-                    for first, last in places:
-                        yield from self._walk(content[first - start : last - start], wanted, 0)
-                self.truncated = False
-            else:
-                yield from self._read_all(source, wanted)
+        summary = read_summary(self.source)
+        self._description = summary or McapDescription()
+        self.topics = self._description.topics
+        self.definitions = self._description.definitions
+        whole = summary is not None and summary.lists_every_message(self.source.size)
+        if summary is not None and (whole or (summary.topics and not wanted)):
+            for places in summary.stretches(wanted):
+                start = places[0][0]
+                content = self.source.read(start, places[-1][1])
+                for first, last in places:
+                    yield from self._walk(content[first - start : last - start], wanted, 0)
+            self.truncated = False
+        else:
+            yield from self._read_all(wanted)
         if summary is not None and summary.counts is not None:
             self._count_missing(summary.counts, wanted)
 
-    def summarised_topics(self) -> dict[str, str]:
-        """Return the type of each topic from the summary; empty without one."""
-        with self._open() as source:
-            summary = read_summary(source)
-        return {} if summary is None else dict(summary.topics)
-
-    @contextmanager
-    def _open(self) -> Iterator[ByteSource]:
-        if self.source is not None:
-            yield self.source
-            return
-        with self.path.open("rb") as file:
-            yield LocalFile(file.fileno())
-
-    def _read_all(self, source: ByteSource, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+    def _read_all(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield the messages of all records from the start; a remote file is copied first."""
-        if source.size == 0:
+        if self.source.size == 0:
             raise DataError(f"{self.path}: the file is empty")
         with (
-            copied(source) if self.source is not None else self.path.open("rb") as file,
+            opened(self.source) as file,
             mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
         ):
             if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
@@ -352,18 +336,12 @@ class McapFile(BagFile):
         if listed != len(chunk):
             places = self._scan(chunk)
         for channel, at in places.items() if chunk else ():
-            yield from self._batch(buffer, channel, at, wanted)
-
-    def _batch(
-        self, buffer: NDArray[np.uint8], channel: int, places: IntArray, wanted: set[str]
-    ) -> Iterator[tuple[str, MessageBatch]]:
-        """Yield the messages of one channel whose records begin at `places` (k,)."""
-        topic = self._description.channels.get(channel)
-        self._seen[channel] += len(places)
-        if topic in wanted and len(places):
-            sizes = integers(buffer, places + 1) - MESSAGE_HEAD
-            arrival = integers(buffer, places + HEAD + 6)
-            yield topic, MessageBatch(buffer, places + HEAD + MESSAGE_HEAD, sizes, arrival)
+            topic = self._description.channels.get(channel)
+            self._seen[channel] += len(at)
+            if topic in wanted and len(at):
+                sizes = integers(buffer, at + 1) - MESSAGE_HEAD
+                arrival = integers(buffer, at + HEAD + 6)
+                yield topic, MessageBatch(buffer, at + HEAD + MESSAGE_HEAD, sizes, arrival)
 
     def _scan(self, chunk: bytes) -> dict[int, IntArray]:
         """Return the places (k,) of messages by channel, found by walking a chunk's records."""

@@ -173,14 +173,6 @@ class _Stream(BytesIO):
 
 
 @dataclass(frozen=True)
-class SplitLimits:
-    """Size and duration after which a new file begins; zero means never. Checked at commits."""
-
-    size: int = 0  # bytes of a file
-    duration: float = 0.0  # s for which a file was written
-
-
-@dataclass(frozen=True)
 class ClosedBag:
     """A bag that is complete on disk, but for `lost` messages that were never written."""
 
@@ -203,7 +195,8 @@ class GrowingBag:
     `folder`: made here; must not exist. `clock`: returns log time, ns, to stamp repeated messages
     at the start of a file with; zero while it is unknown (they wait for it). `latched`: last
     message of latched topics that arrived before the bag was opened. `topics`: known from the
-    start. `storage`: compression and size of the chunks.
+    start. `storage`: compression and size of the chunks. `max_size`, `max_duration`: bytes of a
+    file, and s for which it was written, after which a commit begins a new one; zero means never.
 
     Raises OSError: the folder or its first file cannot be made.
     """
@@ -211,15 +204,16 @@ class GrowingBag:
     def __init__(
         self,
         folder: Path,
-        limits: SplitLimits,
         clock: Callable[[], int] = time.time_ns,
         latched: Mapping[str, Message] | None = None,
         topics: Sequence[TopicChannel] = (),
         *,
         storage: Storage | None = None,
+        max_size: int = 0,
+        max_duration: float = 0.0,
     ) -> None:
         self.folder = folder
-        self.limits = limits
+        self._limits = max_size, max_duration
         self.closed: list[FileSummary] = []
         self.topics: dict[str, TopicChannel] = {topic.name: topic for topic in topics}
         self._clock = clock
@@ -241,8 +235,8 @@ class GrowingBag:
 
     def count(self, topic: str) -> int:
         """Return the number of messages that were added to a topic."""
-        closed = sum(file.counts.get(topic, 0) for file in self.closed)
-        return closed + self.file.counts.get(topic, 0)
+        counts = [self.file.counts, *(file.counts for file in self.closed)]
+        return sum(count.get(topic, 0) for count in counts)
 
     def describe(self, topic: TopicChannel) -> None:
         """Add a topic; its messages may follow."""
@@ -271,7 +265,7 @@ class GrowingBag:
         Raises OSError: something could not be written; no message is lost, commit again.
         """
         self._commit_file()
-        size, duration = self.limits.size, self.limits.duration
+        size, duration = self._limits
         full = size and self.file.summary.size >= size
         if full or (duration and time.monotonic() - self._opened >= duration):
             self.split()
@@ -294,8 +288,7 @@ class GrowingBag:
         Raises OSError: it cannot be written; the bag stays open, so that it can be tried again.
         """
         self._commit_file()
-        self.file.close()
-        return ClosedBag(self.folder, (*self.closed, self.file.summary))
+        return self.abandon()
 
     def abandon(self) -> ClosedBag:
         """Close without the messages that could not be written; the files stay readable."""

@@ -22,8 +22,15 @@ _MOST_NUMBERS = 4  # of a hint
 
 
 def _card(result: GapResult, cause: Cause) -> dict[str, Any]:
-    """Return the variables of a cause's card: the cause with its gaps before and after."""
-    gaps = [_torque_gap(result, cause)]
+    """Return the variables of a cause's card: the cause with its gaps before and after.
+
+    A parameter error is judged on all samples, while the sizes of the stages are on held-out data:
+    both for the same models would contradict each other, so that it has no sizes.
+    """
+    if cause.kind == "parametric":
+        gaps = [_gap("Torque gap", cause.torque_gap, None, "", "on all samples")]
+    else:
+        gaps = [_gap("Torque gap", cause.torque_gap, 1.0, torque_unit(result, cause.joint), "")]
     if cause.simulation_gap is not None:
         unit = small_unit(result, cause.joint)
         gaps.append(_gap("Tracking error", cause.simulation_gap, 1e3, unit, ""))
@@ -39,17 +46,6 @@ def hint_row(result: GapResult, hint: Hint) -> tuple[str, str, str, str]:
     )
     reason = sentence(hint.reason, result.joints)
     return title[:1].upper() + title[1:], numbers, hint.chosen_in_folds or "–", reason
-
-
-def _torque_gap(result: GapResult, cause: Cause) -> dict[str, Any]:
-    """Return the torque gap that a cause removes; of a parametric cause without sizes.
-
-    A parameter error is judged on all samples, while the sizes of the stages are on held-out data:
-    both for the same models would contradict each other.
-    """
-    if cause.kind == "parametric":
-        return _gap("Torque gap", cause.torque_gap, None, "", "on all samples")
-    return _gap("Torque gap", cause.torque_gap, 1.0, torque_unit(result, cause.joint), "")
 
 
 def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> dict[str, Any]:

@@ -51,14 +51,6 @@ class Row:
     scale: str
 
 
-@dataclass(frozen=True)
-class _Panel:
-    """One column of panels: abscissa as drawn (stretched), and its axis."""
-
-    x: FloatArray
-    axis: dict[str, Any]
-
-
 def _context(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
     drawn = drawable(result)
@@ -101,17 +93,17 @@ def _figure(result: GapResult, series: GapSeries, index: int) -> Figure:
     data: list[dict[str, Any]] = []
     axes: dict[str, Any] = {}
     limits = {row.scale: 0.0 for row in rows}
-    for column, panel in enumerate(panels):
+    for column, (x, x_axis) in enumerate(panels):
         low = column * (1.0 + _GAP) / len(panels)
         domain = [low, low + (1.0 + _GAP) / len(panels) - _GAP]
         name = _suffix(column)
         axes[f"xaxis{name}"] = {
-            **panel.axis,
+            **x_axis,
             "domain": domain,
             "anchor": f"y{_suffix(len(rows) - 1)}",
         }
         for k, row in enumerate(rows):
-            traces, largest = _panel(series, panel, row, unit)
+            traces, largest = _panel(series, x, row, unit)
             data += [{**trace, "xaxis": f"x{name}", "yaxis": f"y{_suffix(k)}"} for trace in traces]
             limits[row.scale] = max(limits[row.scale], largest)
     height = (1.0 - _BETWEEN * (len(rows) - 1)) / len(rows)
@@ -138,13 +130,16 @@ def _suffix(place: int) -> str:
     return "" if place == 0 else str(place + 1)
 
 
-def _panels(series: GapSeries, torque_unit: str, position_unit: str) -> list[_Panel]:
+def _panels(
+    series: GapSeries, torque_unit: str, position_unit: str
+) -> list[tuple[FloatArray, dict[str, Any]]]:
+    """Return the columns of panels: abscissa as drawn (stretched), and its axis."""
     since = np.log10(np.maximum(series.since_reversal, _SHORTEST))
     return [
-        _Panel(_root(series.speed), _speed_axis(series.speed, f"{position_unit}/s")),
-        _Panel(series.position, axis(f"Position, {position_unit}", nticks=6)),
-        _Panel(series.load, axis(f"Load (rigid bodies), {torque_unit}", nticks=6)),
-        _Panel(since, _distance_axis(since, position_unit)),
+        (_root(series.speed), _speed_axis(series.speed, f"{position_unit}/s")),
+        (series.position, axis(f"Position, {position_unit}", nticks=6)),
+        (series.load, axis(f"Load (rigid bodies), {torque_unit}", nticks=6)),
+        (since, _distance_axis(since, position_unit)),
     ]
 
 
@@ -193,7 +188,7 @@ def _distance_axis(since: FloatArray, unit: str) -> dict[str, Any]:
 
 
 def _panel(
-    series: GapSeries, panel: _Panel, row: Row, unit: str
+    series: GapSeries, abscissa: FloatArray, row: Row, unit: str
 ) -> tuple[list[dict[str, Any]], float]:
     """Return the traces of both directions in one panel, and their largest absolute value."""
     traces: list[dict[str, Any]] = []
@@ -203,7 +198,7 @@ def _panel(
         rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(row.residual))
         if len(rows) < 2:
             continue
-        x, y = panel.x[rows], row.residual[rows]
+        x, y = abscissa[rows], row.residual[rows]
         curve = smooth(x, y, series.time[rows])
         traces += [
             dots(x, y, colour),
