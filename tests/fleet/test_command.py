@@ -115,8 +115,12 @@ def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.Mon
 
 @pytest.mark.slow
 def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -> None:
+    many = tmp_path / "bags"
+    for robot in range(40):  # far more than are done before the interruption arrives
+        (many / f"arm-{robot}").mkdir(parents=True)
+        (many / f"arm-{robot}" / "run.mcap").hardlink_to(folder.bags[0])
     command = [sys.executable, "-c", "from idim_iv_ros.cli.main import main; main()"]
-    arguments = ["fleet", "identify", folder.path, "--config", CONFIG, "--out", tmp_path]
+    arguments = ["fleet", "identify", many, "--config", CONFIG, "--out", tmp_path]
     process = subprocess.Popen(
         [*command, *map(str, arguments), "--workers", "1"],
         stderr=subprocess.PIPE,
@@ -132,7 +136,7 @@ def test_an_interruption_keeps_what_is_done(folder: BagFolder, tmp_path: Path) -
     said = [line for line in error.splitlines() if not line[:1].isdigit()]
     assert len(said) == 1, error
     assert said[0].startswith("idim-iv: interrupted: ")
-    assert said[0].endswith("of 4 bags are done and kept; the same command goes on from there")
+    assert said[0].endswith("of 40 bags are done and kept; the same command goes on from there")
     kept = list((tmp_path / BAGS).glob("*.json"))
     assert kept
     assert {json.loads(path.read_text())["format"] for path in kept} == {"idim_iv_ros/bag/1"}
