@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
@@ -120,7 +120,9 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         fading = np.exp(-time / shape.time_constant)
         if shape.speed > 0.0:
             kept = math.exp(-1.0 / (motion.rate * shape.time_constant))
-            fading -= lfilter([0.0, 1.0 - kept], [1.0, -kept], np.abs(v) / shape.speed - 1.0)
+            fading -= scipy.signal.lfilter(
+                [0.0, 1.0 - kept], [1.0, -kept], np.abs(v) / shape.speed - 1.0
+            )
         fading += shape.nominal - 1.0
         return {place.joint: fading[:, None] * np.column_stack([motion.slip[:, place.joint], v])}
 
