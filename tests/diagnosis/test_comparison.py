@@ -121,7 +121,7 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
 
 
 def test_friction_over_the_position_has_its_name_in_any_form(data: Baseline) -> None:
-    """Three plateaus, which are no wave and no spot: what they leave is not outside the catalogue."""
+    """Three plateaus are no wave and no spot; what these leave is not outside the catalogue."""
     position = np.concatenate([motion.position[:, 1] for motion in data.motions])
     steps = np.quantile(position, [0.3, 0.6])
 
