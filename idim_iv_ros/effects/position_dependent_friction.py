@@ -47,7 +47,7 @@ class PositionDependentFriction(WaveEffect):
     part = "friction"
     family = "position"
     signed = True  # a spot may be tight or loose
-    periods = 0.7
+    periods, lowest = 0.7, 0.0
     confounders = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
     segments = ("range_sweep",)

@@ -89,12 +89,14 @@ class WaveEffect(StructuralEffect[Any]):
 
     Attributes
     ----------
-    periods : float
-        In the range of the joint, at least: fewer are a spring.
+    periods, lowest : float
+        In the range of the joint, and waves in a radian (a lever), at least: fewer are a spring,
+        gravity or an encoder off its axis.
     """
 
     linear = ("sine_k", "cosine_k")
-    periods: ClassVar[float] = 2.5
+    periods: ClassVar[float] = 1.5
+    lowest: ClassVar[float] = 2.5
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Any]:
         """Shapes with a single wave.
@@ -104,9 +106,10 @@ class WaveEffect(StructuralEffect[Any]):
         span = covered.span(place.joint)
         if span <= 0.0:
             return []
-        low = self.periods * 2.0 * np.pi / span
+        lever = float(covered.lever[place.joint])
+        low = max(self.periods * 2.0 * np.pi / span, self.lowest / lever)
         visible = np.pi * covered.row_rate / max(3.0 * covered.slowest[place.joint], 1e-6)
-        high = min(_HIGHEST / float(covered.lever[place.joint]), max(visible, low))
+        high = min(_HIGHEST / lever, max(visible, low))
         step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
         return [Waves((float(number),)) for number in np.arange(low, high, step)]
 

@@ -120,6 +120,21 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
     assert hints.count("spring") == one_sided
 
 
+def test_friction_over_the_position_has_its_name_in_any_form(data: Baseline) -> None:
+    """Three plateaus are no wave and no spot; what these leave is not outside the catalogue."""
+    position = np.concatenate([motion.position[:, 1] for motion in data.motions])
+    steps = np.quantile(position, [0.3, 0.6])
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        level = np.array([0.3, 1.0, 0.5])[np.searchsorted(steps, m.position[:, 1])]
+        return np.asarray(level * m.slip[:, 1])
+
+    selection = selected(data, world(data, 22, 1, torque))
+    assert ("position_dependent_friction", 1) in names_of(selection)
+    assert not selection.displaced
+    assert "friction over position" not in [curve.effect.name for curve in selection.curves]
+
+
 @pytest.mark.parametrize(
     ("load", "torque"),
     [(Load.STATIC, lambda m: gravity_and_coriolis(m, 0)), (Load.LINKS, lambda m: m.load[:, 0])],

@@ -8,6 +8,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
+from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, is_form_of
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.likelihood import rms
@@ -46,9 +47,21 @@ class Comparison:
             self._best[state] = self._visible_one(ModelWithTerms(self.nominal, tuple(terms)))
         return self._best[state]
 
-    def curve(self, terms: Sequence[Term]) -> Term | None:
-        """The likeliest free curve beside terms; None if nothing is left for one."""
-        return _Ranking(self, ModelWithTerms(self.nominal, tuple(terms)), curves=True).first(())
+    def curve(self, terms: Sequence[Term], place_of: Sequence[Term] = ()) -> Term | None:
+        """The likeliest free curve beside terms; None if nothing is left for one.
+
+        None that is a form of one of them, or of an effect in whose place it is to be.
+        """
+        effects = [t for t in (*terms, *place_of) if t.candidate.kind is Kind.EFFECT]
+        forms = {
+            candidate.key
+            for candidate in self.options.candidates
+            for term in effects
+            if isinstance(candidate.effect, Nonparametric)
+            and (candidate.place, candidate.scope) == (term.place, term.candidate.scope)
+            and is_form_of(candidate.effect, term.effect)
+        }
+        return _Ranking(self, ModelWithTerms(self.nominal, tuple(terms)), curves=True).first(forms)
 
     def objective(self, terms: Sequence[Term]) -> float:
         """Tempered evidence of a whole model less what its terms cost."""

@@ -11,8 +11,9 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.signals import Unnamed
 from idim_iv_ros.effects.cause import Family
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion, Torques
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray
 
 OfMotion = Callable[[RobotMotion, int], FloatArray]
@@ -83,6 +84,7 @@ class Curve(Nonparametric):
     def __init__(self, name: str, family: Family, words: str, variable: str, weight: str) -> None:
         self.name = name  # type: ignore[misc]
         self.family = family  # type: ignore[misc]
+        self.part = "friction" if weight in ("slip", "velocity") else ""  # type: ignore[misc]
         self.words = words
         self._variable, self._knots = _VARIABLES[variable]
         self._weight = _WEIGHTS[weight]
@@ -105,6 +107,12 @@ class Curve(Nonparametric):
             [np.interp(values, shape.values, row) for row in np.eye(len(shape.values))]
         )
         return {place.joint: hats * self._weight(motion, place.joint)[:, None]}
+
+
+def is_form_of(curve: Effect, effect: Effect) -> bool:
+    """Whether a curve is an effect in any form: the friction that it alone of the catalogue is."""
+    alike = [one for one in STRUCTURAL if (one.part, one.family) == (curve.part, curve.family)]
+    return bool(curve.part) and alike == [effect]
 
 
 class Stop(Nonparametric):

@@ -101,8 +101,9 @@ def _curve_in_place(
 ) -> tuple[Term, Term] | None:
     """The effect in whose place a free curve gains most, and that curve.
 
-    A shape that comes near what no effect describes is chosen first, having fewer numbers. None
-    where no curve of an effect's joint is clearly likelier than the effect.
+    A shape that comes near what no effect describes is chosen first, having fewer numbers. A curve
+    that is the effect in another form leaves it its name. None where no other curve of an effect's
+    joint is clearly likelier than the effect.
     """
     best, most = None, float(settings.LEAST_SUPPORT)
     usual = comparison.objective((*terms, *curves))
@@ -110,7 +111,7 @@ def _curve_in_place(
         if term.candidate.kind is not Kind.EFFECT:
             continue
         others = [*(other for other in terms if other is not term), *curves]
-        curve = comparison.curve(others)
+        curve = comparison.curve(others, [term])
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
         gain = comparison.objective([*others, curve]) - usual
