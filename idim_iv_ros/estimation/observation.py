@@ -1,11 +1,12 @@
 """Decimated rows of the regression from filtered motions (paper, equation 5)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 
+from idim_iv_ros.estimation.qr import streamed_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Motion
@@ -19,6 +20,24 @@ _APART = 10_000
 _THREADS = 2
 
 States = Callable[[int, int], tuple[FloatArray, FloatArray, FloatArray]]
+
+
+def row_blocks(
+    model: InverseModel, motion: Motion, states: States
+) -> Iterator[tuple[FloatArray, ...]]:
+    """Decimated rows that count, (r_j, c_j) for each joint, chunk by chunk.
+
+    The full-rate regressor is never in memory as a whole.
+
+    `states`: (first, last) → q, dq, ddq of those samples of the motion's span.
+    """
+    for chunk in motion.decimation.chunks(CHUNK):
+        full = model.joint_matrices(*states(chunk.first, chunk.last))
+        decimate = partial(motion.decimation.apply, chunk=chunk)
+        with ThreadPoolExecutor(_THREADS) as pool:  # the filter frees the lock
+            decimated = list(pool.map(decimate, full))
+        rows = zip(decimated, motion.kept[chunk.places].T, strict=True)
+        yield tuple(matrix[counts] for matrix, counts in rows)
 
 
 def torque_rows(motion: Motion) -> list[FloatArray]:
@@ -49,12 +68,33 @@ def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[Jo
     return tuple(rows)
 
 
+def streamed_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[JointRows, ...]:
+    """Reduced rows (`JointRows.reduced`) of recordings, made without all rows in memory."""
+    columns = [np.flatnonzero(active) for active in model.base.active]
+    factors = [np.zeros((0, len(active) + 1)) for active in columns]
+    counts = [0] * len(columns)
+    for motion in motions:
+        torques = torque_rows(motion)
+        done = [0] * len(columns)
+        for block in row_blocks(model, motion, motion.derivatives):
+            for joint, matrix in enumerate(block):
+                torque = torques[joint][done[joint] : done[joint] + len(matrix)]
+                rows = np.column_stack([matrix, torque])
+                factors[joint] = streamed_r_factor((factors[joint], rows), rows.shape[1])
+                done[joint] += len(matrix)
+        counts = [before + more for before, more in zip(counts, done, strict=True)]
+    return tuple(
+        JointRows(factor[:, :-1], factor[:, -1], places, name=name, represented=count)
+        for name, factor, places, count in zip(
+            model.robot.joints, factors, columns, counts, strict=True
+        )
+    )
+
+
 def instrument_rows(
     model: InverseModel, motions: Sequence[Motion], states: Sequence[States]
 ) -> tuple[FloatArray, ...]:
     """Instruments Z (equation 8): the same rows and columns, from simulated states.
-
-    Made chunk by chunk: the full-rate regressor is never in memory as a whole.
 
     `states`: one for each motion: (first, last) → q, dq, ddq of those samples of the span.
 
@@ -68,13 +108,8 @@ def instrument_rows(
     )
     done = [0] * len(counts)
     for motion, simulated in zip(motions, states, strict=True):
-        for chunk in motion.decimation.chunks(CHUNK):
-            full = model.joint_matrices(*simulated(chunk.first, chunk.last))
-            decimate = partial(motion.decimation.apply, chunk=chunk)
-            with ThreadPoolExecutor(_THREADS) as pool:  # the filter frees the lock
-                decimated = list(pool.map(decimate, full))
-            for joint, counts in enumerate(motion.kept[chunk.places].T):
-                part = decimated[joint][counts]
+        for block in row_blocks(model, motion, simulated):
+            for joint, part in enumerate(block):
                 matrices[joint][done[joint] : done[joint] + len(part)] = part
                 done[joint] += len(part)
     return matrices

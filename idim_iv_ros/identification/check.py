@@ -15,7 +15,7 @@ from idim_iv_ros.estimation.least_squares import (
     stacked,
     unseen_parameters,
 )
-from idim_iv_ros.estimation.observation import observation_rows
+from idim_iv_ros.estimation.observation import streamed_rows
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
@@ -103,7 +103,7 @@ def check(
         watch.stage("model and filters", 0.3)
         prepared = prepare(recordings, configuration)
         watch.stage("regressor", 0.6)
-        rows = observation_rows(prepared.model, prepared.motions)
+        rows = streamed_rows(prepared.model, prepared.motions)
         watch.stage("excitation", 0.7)
         return _report(prepared, rows)
 
