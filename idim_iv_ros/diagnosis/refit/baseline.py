@@ -333,5 +333,6 @@ def _side_by_side(
     torques = effect.torques(motion, place, shapes)
     joints = tuple(torques[0])
     parts = [torque[joint].T for joint in joints for torque in torques]
-    lines = np.concatenate(parts, dtype=precision, casting="same_kind")
+    with np.errstate(over="ignore"):  # shapes of a torque beyond all hardware are no candidates
+        lines = np.concatenate(parts, dtype=precision, casting="same_kind")
     return joints, [width_of(torque) for torque in torques], lines
