@@ -229,11 +229,14 @@ class ConicProblem:
         shown, unknowns = self.matrix.shape
         quadratic, linear = self._objective(unknowns, shown)
         rows, cones = self._constraints(clarabel)
-        right = np.array([value for _, value in rows])
+        right = np.concatenate([self.right, [value for _, value in rows]])
         entries = [(k, *one) for k, (factors, _) in enumerate(rows) for one in factors.items()]
-        places, variables, factors = zip(*entries, strict=True)
+        table = np.array(entries, dtype=float).reshape(-1, 3)
+        equal = sparse.csc_matrix(np.hstack([self.matrix, -np.eye(shown)]))
+        equal.resize(shown, self._variables)
         shape = (len(rows), self._variables)
-        matrix = sparse.csc_matrix((factors, (places, variables)), shape=shape)
+        inside = sparse.csc_matrix((table[:, 2], table[:, :2].T.astype(int)), shape=shape)
+        matrix = sparse.vstack([equal, inside], format="csc")
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
@@ -271,16 +274,11 @@ class ConicProblem:
         return sparse.diags(diagonal, format="csc"), linear
 
     def _constraints(self, clarabel: ModuleType) -> tuple[list[_Row], list[Any]]:
-        """Rows of b − A x in cones, one below the other, and these cones."""
-        shown = len(self.matrix)
-        equal = np.hstack([self.matrix, -np.eye(shown)])
-        rows: list[_Row] = [
-            ({int(k): float(row[k]) for k in np.flatnonzero(row)}, float(value))
-            for row, value in zip(equal, self.right, strict=True)
-        ]
+        """Rows of b − A x in cones below the equations, one below the other, and all cones."""
         bounded = (_SIZE * self.links + np.flatnonzero(self.bounded)).tolist()
-        rows += [({variable: -1.0}, 0.0) for variable in bounded]
-        cones = [clarabel.ZeroConeT(shown), *(clarabel.NonnegativeConeT(1) for _ in bounded)]
+        rows: list[_Row] = [({variable: -1.0}, 0.0) for variable in bounded]
+        cones = [clarabel.ZeroConeT(len(self.matrix))]
+        cones += [clarabel.NonnegativeConeT(1) for _ in bounded]
         for link in range(self.links):
             rows += self._link(link)
             cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(8)]
