@@ -52,21 +52,20 @@ class Place:
 class OperatingRange:
     """What the recordings cover, (n_joints,) each unless said otherwise.
 
-    `low`, `high`: positions, rad (m); `slowest`, `fastest`, `usual`: rad/s (m/s), below which rows
-    do not count, the highest, and the mean; `load`, `torque`: largest of the links, and of the
-    joint, N m (N); `inertia`: mean of the links' about the joint, kg m² (kg); `duration`,
-    `longest`: s, from the start of the first to the end of the last recording, and of the longest
-    one; `row_rate`: Hz;
-    `lever`: 1 for revolute joints, 0.1 for prismatic ones: metres that count as a radian;
-    `sticking`: whether the closed loop is simulated, and so is known where joints stick;
-    `left_out`: joints whose torque says nothing of the robot.
+    `low`, `high`: positions, rad (m); `slowest`, `fastest`, `mean_speed`: rad/s (m/s), below which
+    rows do not count, the highest, and the mean modulus; `load`, `torque`: largest of the links,
+    and of the joint, N m (N); `inertia`: mean of the links' about the joint, kg m² (kg);
+    `duration`, `longest`: s, from the start of the first to the end of the last recording, and of
+    the longest one; `row_rate`: Hz; `lever`: 1 for revolute joints, 0.1 for prismatic ones: metres
+    that count as a radian; `sticking`: whether the closed loop is simulated, which shows where
+    joints stick; `left_out`: joints whose torque says nothing of the robot.
     """
 
     low: FloatArray
     high: FloatArray
     slowest: FloatArray
     fastest: FloatArray
-    usual: FloatArray
+    mean_speed: FloatArray
     load: FloatArray
     torque: FloatArray
     inertia: FloatArray

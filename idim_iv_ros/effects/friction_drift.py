@@ -21,7 +21,7 @@ from idim_iv_ros.effects.effect import (
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
-_LEAST_OF_RECORDING = 0.25
+_LEAST_OF_RECORDING = 0.25  # time constant of a joint that its motion warms, at least
 _MIDDLE = 0.5  # warmth of the nominal friction, with which the search by the motion begins
 
 
@@ -78,8 +78,8 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     typical = ShareOf("dry friction", 0.4)  # 30 to 60 %
     specs = (
         ParameterSpec("time_constant", "s", default=None, bound="positive"),
-        ParameterSpec("coulomb", "N m", "Coulomb friction cold beyond that warm"),
-        ParameterSpec("viscous", "N m s/rad", "viscous friction cold beyond that warm"),
+        ParameterSpec("coulomb", "N m", "loss of Coulomb friction from cold to warm"),
+        ParameterSpec("viscous", "N m s/rad", "loss of viscous friction from cold to warm"),
         ParameterSpec(
             "restarts", "", "clock that starts anew with each recording (1) or not (0)",
             bound="0 or 1",
@@ -100,21 +100,22 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         """From a twentieth of the session to three of it, which is a straight line.
 
         Of several recordings also from a tenth of the longest to three of it, anew in each. By
-        time alone, and by the motion: not quicker ones, which follow the speed itself.
+        time alone, and by the motion; where a quick warmth would follow the speed itself.
         """
         session = logarithmic(0.05 * covered.duration, 3.0 * covered.duration, 8)
         recording = logarithmic(0.1 * covered.longest, 3.0 * covered.longest, 7)
         several = covered.longest < covered.duration
         clocks = [(time, False) for time in session]
         clocks += [(time, True) for time in recording if several]
-        speed, quickest = float(covered.usual[place.joint]), _LEAST_OF_RECORDING * covered.longest
+        speed = float(covered.mean_speed[place.joint])
+        quickest = _LEAST_OF_RECORDING * covered.longest
         return [
             *(DriftShape(float(time), anew) for time, anew in clocks),
             *(DriftShape(float(t), anew, speed, _MIDDLE) for t, anew in clocks if t >= quickest),
         ]
 
     def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
-        """Dry and viscous friction of unit size that fade."""
+        """Dry and viscous friction of unit size, times what the warmth leaves of it."""
         v = motion.velocity[:, place.joint]
         time = motion.elapsed if shape.restarts else motion.time
         fading = np.exp(-time / shape.time_constant)

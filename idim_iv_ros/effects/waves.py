@@ -89,9 +89,10 @@ class WaveEffect(StructuralEffect[Any]):
 
     Attributes
     ----------
-    periods, lowest : float
-        In the range of the joint, and waves in a radian (a lever), at least: fewer are a spring,
-        gravity or an encoder off its axis.
+    periods : float
+        Waves in the range of the joint, at least: fewer are a spring.
+    lowest : float
+        Wave number, 1/rad (1/lever), at least: lower ones are gravity or an encoder off its axis.
     """
 
     linear = ("sine_k", "cosine_k")

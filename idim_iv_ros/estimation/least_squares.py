@@ -1,8 +1,8 @@
 """Linear estimators on the rows of all joints, IDIM-LS and one step of IDIM-IV (equation 9).
 
 How uncertain their estimates are, and which parameters are essential. All work on R factors: the
-rows of each joint are reduced once, and rows that are reduced already (`JointRows.reduced`) serve
-as well. ZᵀZ or ZᵀX, which squares the condition number, is never formed.
+rows of each joint are reduced once, and rows that are reduced already (`JointRows.reduced`,
+`streamed_rows`) serve as well. ZᵀZ or ZᵀX, which squares the condition number, is never formed.
 """
 
 from collections.abc import Sequence

@@ -49,7 +49,7 @@ def operating_range_of(motion: SmoothMotion) -> OperatingRange:
         high=motion.position.max(axis=0),
         slowest=np.full(2, 0.02),
         fastest=np.abs(motion.velocity).max(axis=0),
-        usual=np.abs(motion.velocity).mean(axis=0),
+        mean_speed=np.abs(motion.velocity).mean(axis=0),
         load=np.abs(motion.load).max(axis=0),
         torque=np.abs(motion.torque).max(axis=0),
         inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),

@@ -8,7 +8,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
-from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, is_form_of
+from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC, is_form_of
 from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.likelihood import rms
@@ -47,19 +47,17 @@ class Comparison:
             self._best[state] = self._visible_one(ModelWithTerms(self.nominal, tuple(terms)))
         return self._best[state]
 
-    def curve(self, terms: Sequence[Term], place_of: Sequence[Term] = ()) -> Term | None:
+    def curve(self, terms: Sequence[Term], replaced: Term | None = None) -> Term | None:
         """The likeliest free curve beside terms; None if nothing is left for one.
 
-        None that is a form of one of them, or of an effect in whose place it is to be.
+        Curves that are another form of one of them, or of an effect that is `replaced`, are out.
         """
-        effects = [t for t in (*terms, *place_of) if t.candidate.kind is Kind.EFFECT]
+        effects = [t for t in terms if t.candidate.kind is Kind.EFFECT]
         forms = {
-            candidate.key
-            for candidate in self.options.candidates
-            for term in effects
-            if isinstance(candidate.effect, Nonparametric)
-            and (candidate.place, candidate.scope) == (term.place, term.candidate.scope)
-            and is_form_of(candidate.effect, term.effect)
+            (curve.name, *term.key[1:])
+            for term in (effects if replaced is None else [*effects, replaced])
+            for curve in NONPARAMETRIC
+            if is_form_of(curve, term.effect)
         }
         return _Ranking(self, ModelWithTerms(self.nominal, tuple(terms)), curves=True).first(forms)
 

@@ -110,7 +110,11 @@ class Curve(Nonparametric):
 
 
 def is_form_of(curve: Effect, effect: Effect) -> bool:
-    """Whether a curve is an effect in any form: the friction that it alone of the catalogue is."""
+    """Whether what a free curve describes has the name of an effect, whatever its form.
+
+    So it is with friction over time, position or load, of which the catalogue has one effect each;
+    friction over speed may be one of several.
+    """
     alike = [one for one in STRUCTURAL if (one.part, one.family) == (curve.part, curve.family)]
     return bool(curve.part) and alike == [effect]
 

@@ -111,7 +111,7 @@ def _curve_in_place(
         if term.candidate.kind is not Kind.EFFECT:
             continue
         others = [*(other for other in terms if other is not term), *curves]
-        curve = comparison.curve(others, [term])
+        curve = comparison.curve(others, term)
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
         gain = comparison.objective([*others, curve]) - usual

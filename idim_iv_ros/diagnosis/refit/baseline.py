@@ -262,7 +262,7 @@ def operating_range(data: Baseline) -> OperatingRange:
         high=np.max([m.position.max(axis=0) for m in motions], axis=0),
         slowest=data.slowest,
         fastest=largest("velocity"),
-        usual=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
+        mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
         load=largest("load"),
         torque=largest("torque"),
         inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
