@@ -298,7 +298,7 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
 def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
     """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
     rows, chosen = (
-        refit.data.regression.joints[joint],
+        refit.data.rows[joint],
         refit.data.columns_of(joint, "Fv", "Fc", "off"),
     )
     return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
@@ -309,7 +309,7 @@ def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameter
     fit, parameters = explanation.fit, len(explanation.fit.values)
     rows = [
         replace(joint, torque=joint.prediction(fit.values) + residual)
-        for joint, residual in zip(refit.data.regression.joints, fit.residuals, strict=True)
+        for joint, residual in zip(refit.data.rows, fit.residuals, strict=True)
     ]
     sigma = np.maximum([np.std(residual) for residual in fit.residuals], 1e-300)
     covariance = fit.covariance[:parameters, :parameters]

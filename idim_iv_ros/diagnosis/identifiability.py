@@ -180,7 +180,7 @@ def not_shown_by_motion(
     absorption = Absorption(data.regression, noise_models)
     friction = _dry_friction(data, covered)
     refused = []
-    for joint, rows in enumerate(data.regression.joints):
+    for joint, rows in enumerate(data.rows):
         scale = JointScale(covered, joint, friction[joint])
         for effect in catalogue:
             # Of pairs of joints the one with the next joint.

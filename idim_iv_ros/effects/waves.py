@@ -13,7 +13,7 @@ from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralE
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
-_FINEST = 3.0  # steps of the grid in one period of resolution, 2π / range
+_FINEST = 2.0  # steps of the grid in one period of resolution, 2π / range
 _MOST = 400
 _HIGHEST = 250.0  # 1/rad: finer than the teeth of a gear; 2500 1/m: than the pitch of a screw
 _MOST_TURNED = 64  # waves, each computed from the one before it

@@ -31,7 +31,7 @@ def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:
         replace(row, torque=motion.decimation.whole(motion.torque[:, j])[motion.kept[:, j]])
         for j, row in enumerate(data.rows)
     )
-    return replace(changed, rows=rows).on(changed.motions)
+    return replace(changed, regression=replace(data.regression, joints=rows)).on(changed.motions)
 
 
 def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:

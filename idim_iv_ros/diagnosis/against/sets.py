@@ -106,10 +106,11 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
     factors = (*one.cutoffs.factors, *other.cutoffs.factors)
+    rows = tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True))
     both = replace(
         first,
         prepared=_of_session(one, session, factors, (*one.motions, *other.motions)),
-        rows=tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True)),
+        regression=replace(first.regression, joints=rows),
         sticking=first.sticking and second.sticking,
     )
     return both.on((*first.motions, *second.motions))

@@ -277,7 +277,7 @@ def change_rows(data: Baseline, space: ParameterSpace) -> tuple[FloatArray, ...]
     # Per small rotation of gravity about each axis, N m/rad.
     down = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
     gravity = unit_gravity_rows(data, np.array([np.cross(axis, down) for axis in space.axes]))
-    for joint, rows in enumerate(data.regression.joints):
+    for joint, rows in enumerate(data.rows):
         unit = np.zeros((len(rows), space.size))
         unit[:, rows.columns] = rows.matrix
         unit[:, b : b + 2] = gravity[joint]

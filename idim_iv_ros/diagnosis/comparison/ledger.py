@@ -79,7 +79,7 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     `free`: whether every number is free, whatever the nominal model says.
     """
     given = None if free else data.prepared.given
-    regression, joints = data.regression, data.regression.joints
+    regression, joints = data.regression, data.rows
     sizes = np.array(data.torque_sizes)
     model = data.prepared.model
     if given is None:

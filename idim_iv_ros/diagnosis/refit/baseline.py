@@ -49,7 +49,6 @@ class Baseline:
     """
 
     prepared: PreparedRegression
-    rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
     commands: LawCommands | None
@@ -57,6 +56,11 @@ class Baseline:
     sticking: bool
     regression: Regression
     shift: float = 0.0
+
+    @property
+    def rows(self) -> tuple[JointRows, ...]:
+        """Rows of every joint: the torque, and the model on the smooth motion."""
+        return self.regression.joints
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -90,8 +94,7 @@ class Baseline:
             replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
             for rows, part in zip(self.rows, parts, strict=True)
         )
-        regression = Regression(joints, len(model.base.columns))
-        return replace(self, motions=motions, regression=regression)
+        return replace(self, motions=motions, regression=replace(self.regression, joints=joints))
 
     @property
     def left_out(self) -> frozenset[int]:
@@ -194,7 +197,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     links, whole = _parameters(prepared, estimate.linear.values)
     motions, sticking = smooth_motions(prepared, estimate, links, whole)
     measured = Regression(rows, len(prepared.model.base.columns))
-    made = Baseline(prepared, rows, estimate, sources, commands, motions, sticking, measured, shift)
+    made = Baseline(prepared, estimate, sources, commands, motions, sticking, measured, shift)
     return made.on(motions)
 
 
@@ -246,7 +249,7 @@ def _parameters(
 def nominal_residuals(data: Baseline) -> tuple[FloatArray, ...] | None:
     """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
     given = data.prepared.given
-    return None if given is None else tuple(rows.residual(given) for rows in data.regression.joints)
+    return None if given is None else tuple(rows.residual(given) for rows in data.rows)
 
 
 def operating_range(data: Baseline) -> OperatingRange:

@@ -55,7 +55,7 @@ def noise_floors(data: Baseline, fit: Fit, repeats: Sequence[Repeat]) -> tuple[N
     effect is left in them.
     """
     floors = []
-    for joint, rows in enumerate(data.regression.joints):
+    for joint, rows in enumerate(data.rows):
         if rows.left_out:
             floors.append(NoiseFloor(None, LOWER_BOUND, ""))
             continue

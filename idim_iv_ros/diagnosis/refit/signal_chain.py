@@ -163,10 +163,8 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
         rows = later(data.rows, data.prepared.motions, chain.shift)
-        torques = zip(data.regression.joints, rows, strict=True)
-        joints = tuple(replace(plain, torque=moved.torque) for plain, moved in torques)
-        regression = replace(data.regression, joints=joints)
-        shifted = replace(data, rows=rows, regression=regression, shift=chain.shift)
+        regression = replace(data.regression, joints=rows)
+        shifted = replace(data, regression=regression, shift=chain.shift)
     return shifted, chain
 
 

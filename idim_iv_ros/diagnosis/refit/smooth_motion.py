@@ -231,9 +231,9 @@ def smooth_motions(
                 rate=rate / stride,
                 start=part.start,
                 time=time,
-                position=states[0][grid],
-                velocity=states[1][grid],
-                acceleration=states[2][grid],
+                position=states[0][grid].copy(),  # not a view of all samples
+                velocity=states[1][grid].copy(),
+                acceleration=states[2][grid].copy(),
                 slip=turning[grid],
                 decimation=coarse,
                 kept=motion.kept,

@@ -152,7 +152,7 @@ class _Tried:
 
     def gains(self, crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
-        joints = list(self.data.regression.joints)
+        joints = list(self.data.rows)
         self.make(list(crossings.items()))
         for joint, crossing in crossings.items():
             matrix = joints[joint].matrix.copy()

@@ -187,7 +187,7 @@ def _without_twist(
     if damping is None:
         damping = _LIGHT_DAMPING * 2.0 * float(np.sqrt(stiffness * _link_inertia(data, joint)))
     parts = [transmitted(motion, joint, stiffness, damping, gap) for motion in data.motions]
-    joints = list(data.regression.joints)
+    joints = list(data.rows)
     for other in parts[0]:
         changed = data.decimated(other, [part[other][:, 0] for part in parts])
         joints[other] = replace(joints[other], torque=joints[other].torque - changed)

@@ -153,7 +153,7 @@ def twist_rows(
         rows_of = {name: smooth.rows(values)[counting] for name, values in series.items()}
         parts.append({**rows_of, "recording": np.full(int(counting.sum()), number)})
     joined = {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}
-    rows, names = data.regression.joints[joint], data.prepared.model.base.names
+    rows, names = data.rows[joint], data.prepared.model.base.names
     fit = data.regression.fitted
     of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
     places = rows.columns[of_links]
