@@ -16,6 +16,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
 _MOST_BANNED = 4  # places that are passed over because they are not visible
+_OF_NO_OTHERS = 1e-3  # share of a torque's energy beyond one row that counts as none
 _ROUNDING = 1e-5  # of the largest information of a direction: less is none
 _LOOKED_AT = 400  # options whose evidence is computed first: those with the highest bound
 
@@ -156,8 +157,10 @@ class Comparison:
     ) -> list[tuple[float, float]]:
         """Variance of scores of options over blocks of time, over that of the model, and by rows.
 
-        The second is where its torque is (White's estimator): 1 where the noise is as large there
-        as elsewhere, more where noise grows with the torque or outliers lie. Both are 1 at least.
+        The second is where its torque is: 1 where the noise is as large there as elsewhere, more
+        where noise grows with the torque or outliers lie. Rows count with what they leave when the
+        torque is fitted without them (the jackknife; MacKinnon and White 1985, HC3): a row says
+        nothing for a torque that is made for it alone. Both are 1 at least.
 
         `rest`: (r,) whitened residual of the model, all joints one after the other; `lines`,
         `coefficients`: (w_k, r), (w_k,) of every option: whitened columns, less what the model
@@ -165,10 +168,16 @@ class Comparison:
         """
         made = []
         for columns, values in zip(lines, coefficients, strict=True):
-            scores = columns * (rest - values.astype(columns.dtype) @ columns)
-            inner, by_rows = (np.asarray(t @ t.T, dtype=float) for t in (columns, scores))
-            sums = self._in_block @ np.add.reduceat(scores, self._starts, axis=1).T
-            made.append(_over_expected(inner, by_rows, sums, values))
+            left = rest - values.astype(columns.dtype) @ columns
+            root, weights = _directions_of(np.asarray(columns @ columns.T, dtype=float), values)
+            unit = root.T.astype(columns.dtype) @ columns
+            sums = self._in_block @ np.add.reduceat(unit * left, self._starts, axis=1).T
+            over_blocks = np.sum(sums**2, axis=0) * len(sums) / max(len(sums) - 1, 1)
+            others = 1.0 - np.sum(unit**2, axis=0)  # share of a row's fit that other rows decide
+            alone = np.where(others > _OF_NO_OTHERS, left / np.maximum(others, _OF_NO_OTHERS), rest)
+            by_rows = np.sum((unit * alone) ** 2, axis=1)
+            pair = float(weights @ over_blocks), float(weights @ by_rows)
+            made.append((max(1.0, pair[0]), max(1.0, pair[1])))
         return made
 
 
@@ -361,18 +370,13 @@ class _Ranking:
         )
 
 
-def _over_expected(
-    inner: FloatArray, by_rows: FloatArray, sums: FloatArray, coefficients: FloatArray
-) -> tuple[float, float]:
-    """Variance of an option's score over that of the model: over blocks (count, w), and by rows."""
+def _directions_of(inner: FloatArray, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Directions (w, k) of unit energy of an option, and their shares (k,) of its torque."""
     values, vectors = np.linalg.eigh(inner)
     seen = values > _ROUNDING * max(float(values[-1]), 1e-300)
     root = vectors[:, seen] / np.sqrt(values[seen])
-    weights = (root.T @ (inner @ coefficients)) ** 2
-    share = weights / max(float(weights.sum()), 1e-300)
-    observed = np.diag(root.T @ (sums.T @ sums) @ root) * len(sums) / max(len(sums) - 1, 1)
-    local = np.diag(root.T @ by_rows @ root)
-    return max(1.0, float(share @ observed)), max(1.0, float(share @ local))
+    energy = (root.T @ (inner @ coefficients)) ** 2
+    return root, energy / max(float(energy.sum()), 1e-300)
 
 
 def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
