@@ -34,10 +34,11 @@ from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
 from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
-from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, GapSeries
+from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePaths, as_paths
@@ -135,11 +136,11 @@ def concluded(
     tracked = tracked_stages(data, explanation)
     stages = tuple(
         replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
-        for stage, errors in zip(explanation.tested.stages(), tracked, strict=True)
+        for stage, errors in zip(explanation.tested.stages, tracked, strict=True)
     )
 
     effects = [effect.term for effect in explanation.effects]
-    recordings = agreement(data, effects, without)
+    recordings = agreement(explanation.selection.comparison.catalogue, effects)
     numbers, errors = parametric_causes(data, explanation)
     law = check_law(data, without, shift=refit.shift.common)
     law = law.not_shown_by_torque(data, numbers, effects)
@@ -193,7 +194,7 @@ def concluded(
     seconds = sum(recording.duration for recording in prepared.recordings)
     unchecked = why_not_checked(data)
     notes = [
-        refit.shift.sentence(data.joints),
+        refit.shift.sentence,
         *signal_notes(data.joints, explanation.selection.terms),
         refit.turning and refit.turning.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
@@ -259,7 +260,7 @@ def concluded(
         why_no_physical=why_not,
         kinematics=kinematics_digest(prepared.model.robot),
         parameter_errors=errors,
-        signal_chain=refit.shift.part_of_result(data.joints, speed),
+        signal_chain=replace(refit.shift.chain, law_speed=speed),
         friction_leads={} if refit.turning is None else refit.turning.soft_leads(data.joints),
         recordings=recordings,
         transmissions=tuple(measured.result for measured in transmissions),

@@ -3,18 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import block_sums, gap_of, time_blocks
-from idim_iv_ros.diagnosis.result import SimulationGap, TrackingSeries
+from idim_iv_ros.diagnosis.refit.held_out import gap_of, time_blocks
+from idim_iv_ros.diagnosis.result.causes import SimulationGap
+from idim_iv_ros.diagnosis.result.document import TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.closed_loop import replay
+from idim_iv_ros.statistics.bootstrap import energies, roots
 from idim_iv_ros.types import FloatArray
 
 
@@ -39,8 +42,7 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        sums = self.block_energies.sum(axis=0)
-        return dict(zip(self.joints, np.sqrt(sums[:-1] / sums[-1]).tolist(), strict=True))
+        return dict(zip(self.joints, roots(self.block_energies.sum(axis=0)).tolist(), strict=True))
 
     @cached_property
     def block_energies(self) -> FloatArray:
@@ -48,7 +50,7 @@ class Tracking:
         sums = []
         for error, rate in zip(self.errors, self.rates, strict=True):
             (blocks,) = time_blocks([len(error)], rate)
-            sums.append(block_sums(blocks, np.column_stack([error**2, np.ones(len(error))])) / rate)
+            sums.append(energies(error, blocks) / rate)
         return np.concatenate(sums)
 
 
@@ -94,14 +96,6 @@ def simulated_tracking(
         if len(lost):
             return failed(f"{name}: simulated {data.joints[lost[0]]} leaves the motion")
     return Tracking(data.joints, tuple(errors), rates, "")
-
-
-def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationGap | None:
-    """Tracking error before and after at a joint."""
-    if before.note or after.note:
-        return None
-    one, two = (stage.block_energies[:, [joint, -1]] for stage in (before, after))
-    return SimulationGap(**vars(gap_of(one, two)))
 
 
 def tracking_series(
@@ -160,8 +154,13 @@ def simulation_gaps(
     explanation: Explained, tracked: Sequence[Tracking]
 ) -> list[SimulationGap | None]:
     """Gap of the simulated motion at the joint of each effect, before and after it."""
-    stages = tracked[len(tracked) - len(explanation.fits) :]
-    return [
-        simulation_gap(before, after, effect.term.place.joint)
-        for effect, before, after in zip(explanation.effects, stages, stages[1:], strict=False)
-    ]
+    gaps: list[SimulationGap | None] = []
+    stages = pairwise(tracked[len(tracked) - len(explanation.fits) :])
+    for effect, pair in zip(explanation.effects, stages, strict=True):
+        gap = None
+        if not any(stage.note for stage in pair):
+            columns = [effect.term.place.joint, -1]
+            before, after = (stage.block_energies[:, columns] for stage in pair)
+            gap = SimulationGap(**vars(gap_of(before, after)))
+        gaps.append(gap)
+    return gaps

@@ -8,10 +8,11 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
-from idim_iv_ros.diagnosis.refit.held_out import interval, resampled, row_blocks
+from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.result import JointGap, Regime, Where
+from idim_iv_ros.diagnosis.result.document import JointGap, Regime, Where
 from idim_iv_ros.recording.recording import SessionPart, in_recordings
+from idim_iv_ros.statistics.bootstrap import interval, resampled
 from idim_iv_ros.types import FloatArray, IntArray
 
 _LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
@@ -47,7 +48,7 @@ def motion_at_rows(data: Baseline, joint: int) -> dict[str, FloatArray]:
     By name: ``time`` (s), ``position`` (rad, m), ``speed``, ``load``, the torque of the rigid
     bodies alone (N m, N), and ``since_reversal``, the distance since the last one (rad, m).
     """
-    slowest = settings.REVERSAL_SPEED * float(data.slowest[joint])
+    slowest = settings.REVERSAL_SPEED * float(data.covered.slowest[joint])
     tables = []
     for motion in data.motions:
         states = motion.position[:, joint], motion.velocity[:, joint]
@@ -236,7 +237,7 @@ def _joint_gaps(
     Shares are those of what lies beyond the noise.
     """
     sizes = np.array([rms(residual) for residual in residuals])
-    whole = np.array(data.torque_sizes)
+    whole = data.torque_sizes
     noise = np.array([floor.sigma or 0.0 for floor in floors])
     beyond = np.maximum(sizes**2 - noise**2, 0.0) / whole**2
     shares = beyond / max(float(np.sum(beyond)), 1e-300)

@@ -18,7 +18,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter
+from idim_iv_ros.diagnosis.result.causes import Cause
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import InverseModel
@@ -125,7 +126,7 @@ def corrected_model(
     changed: dict[str, tuple[float, float | None]] = {}
     loads: list[Load] = []
     effects: list[SimulatedEffect] = []
-    gravity = np.array(robot.pinocchio.gravity.linear)
+    gravity = robot.gravity
     for cause in causes:
         part = part_of(cause.effect)
         if part == "torque scale":

@@ -12,15 +12,8 @@ from idim_iv_ros.diagnosis.answer.causes import strongest_first, verdict_of
 from idim_iv_ros.diagnosis.answer.explained import unexplained_residual
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    Evidence,
-    Gap,
-    JointChange,
-    JointGap,
-    Stage,
-    Unexplained,
-)
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange, Unexplained
+from idim_iv_ros.diagnosis.result.document import JointGap, Stage
 from idim_iv_ros.diagnosis.sentences import largest_gap
 from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
 from idim_iv_ros.effects.registry import parameter_words
@@ -90,7 +83,7 @@ def test_much_that_stays_is_not_nothing() -> None:
 # Torques of 10 and 1 N m rms.
 DATA = SimpleNamespace(
     joints=("joint_1", "joint_2"),
-    rows=(SimpleNamespace(torque=np.full(4, 10.0)), SimpleNamespace(torque=np.full(4, 1.0))),
+    torque_sizes=(10.0, 1.0),
 )
 
 

@@ -139,7 +139,7 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
     for joint, row in enumerate(data.rows):
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
         rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
-    robot = replace(data, regression=replace(data.regression, joints=tuple(rows))).on(data.motions)
+    robot = replace(data, regression=replace(data.regression, joints=tuple(rows)))
     turning = friction.turning_friction(robot)
     if len(softer) == 1:
         assert turning is None

@@ -7,15 +7,14 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
-from idim_iv_ros.diagnosis.answer.numbers import numbers_of, parameters_of
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.answer.numbers import parameters_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import (
     Cause,
     Evidence,
     Gap,
@@ -24,8 +23,8 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     SimulationGap,
     Unexplained,
-    Verdict,
 )
+from idim_iv_ros.diagnosis.result.document import Verdict
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.types import FloatArray
@@ -71,9 +70,8 @@ def structural_causes(
         zip(explanation.effects, simulations, strict=True)
     ):
         term, place = judgement.term, judgement.term.place
-        stage = tested.refit + number
-        gap = tested.gap(stage, stage + 1, place.joint)
-        gain, helped, folds = tested.gain(number)
+        gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
+        gain, helped, folds = tested.gains[number]
         start = explanation.block(number).start
         numbers = parameters_of(data, explanation.regression, fit, term, start)
         cause = Cause(
@@ -166,7 +164,7 @@ def _parametric_cause(
     term, effect = judgement.term, judgement.term.candidate.effect
     assert isinstance(effect, ParametricEffect)
     space = explanation.selection.comparison.catalogue.space
-    joint = None if term.candidate.place is None else term.candidate.place.joint
+    joint = term.key[1]
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
     if joint is not None and term.candidate.is_not_given(space):
@@ -187,7 +185,7 @@ def _parametric_cause(
         kind="parametric",
         joint=name,
         sentence="",
-        parameters=numbers_of(term, explanation),
+        parameters=term.parameters(space),
         probability=judgement.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
@@ -212,15 +210,16 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
 
 def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
-    made = []
+    made, last = [], explanation.tested.stages[-1]
+    space = explanation.selection.comparison.catalogue.space
     for judgement in explanation.doubtful:
         term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
             continue
         joints = [data.joints[joint] for joint in place.joints]
-        numbers = data.in_units_at(place.joint, numbers_of(term, explanation))
+        numbers = data.in_units_at(place.joint, term.parameters(space))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
-        rest = explanation.tested.rms(-1, place.joint)
+        rest = last.torque_rms[joints[0]]
         made.append(
             Hint(
                 effect=term.key[0],
@@ -230,7 +229,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
                 reason=judgement.reason,
                 probability=judgement.too_unsure,
                 parameters=numbers,
-                chosen_in_folds=judgement.chosen if term.candidate.kind is Kind.EFFECT else "",
+                chosen_in_folds=judgement.chosen if term.is_effect else "",
                 torque_gap=Gap(float(np.hypot(rest, share)), rest),
             )
         )
@@ -270,8 +269,7 @@ def _taken(cause: Cause, data: Baseline) -> float:
         )
     taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
     joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
-    whole = sum(float(np.mean(data.rows[joint].torque ** 2)) for joint in joints)
-    return taken / max(whole, 1e-300)
+    return taken / sum(float(data.torque_sizes[joint]) ** 2 for joint in joints)
 
 
 def verdict_of(

@@ -17,7 +17,8 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.result import Stage, Unexplained
+from idim_iv_ros.diagnosis.result.causes import Unexplained
+from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.statistics.residuals import excess_kurtosis
@@ -100,7 +101,7 @@ def explained(data: Baseline, selection: Selection) -> Explained:
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
-            if explanation.tested.gain(number)[0] <= 0.0
+            if explanation.tested.gains[number][0] <= 0.0
         }
         if not idle:
             return explanation
@@ -128,7 +129,7 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         fits.append(regression.fit(fits[-1].noise_models, steps=_MORE_STEPS))
     outside = (
         *selection.curves,
-        *(d.term for d in doubtful if d.term.candidate.kind is Kind.EFFECT and d.outside),
+        *(d.term for d in doubtful if d.term.is_effect and d.outside),
     )
     more = [term.columns for term in outside if matters(term)]
     more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
@@ -139,7 +140,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         regression,
         fits[-1],
         [f"+{e.term.effect.name}[{data.joints[e.term.place.joint]}]" for e in effects],
-        floors,
         repeats,
         data.prepared.given,
         interleaved=any(effect.term.effect.family == "time" for effect in effects),
@@ -281,8 +281,7 @@ def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:
     share = float(term.whole.max())
     if share < settings.LEAST_SHARE:
         return f"it is {100.0 * share:.2g} % of the torque: too small to matter", False
-    structural = term.candidate.kind is Kind.EFFECT
-    if structural and float(term.visible.max()) < settings.ADEQUATE * beyond:
+    if term.is_effect and float(term.visible.max()) < settings.ADEQUATE * beyond:
         return "most of what remains at its joint is something else", True
     return "", False
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import expit, softmax
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
@@ -53,7 +54,7 @@ class Comparison:
 
         Curves that are another form of one of them, or of an effect that is `replaced`, are out.
         """
-        effects = [t for t in terms if t.candidate.kind is Kind.EFFECT]
+        effects = [term for term in terms if term.is_effect]
         forms = {
             (curve.name, *term.key[1:])
             for term in (effects if replaced is None else [*effects, replaced])
@@ -90,7 +91,7 @@ class Comparison:
         return replace(
             term,
             evidence=evidence,
-            presence=_logistic(odds),
+            presence=float(expit(odds)),
             visible=self.shares(term.candidate, others, plain, left, unit)[1],
             dispersion=dispersion,
         )
@@ -121,10 +122,8 @@ class Comparison:
 
     def misfit(self, terms: Sequence[Term]) -> FloatArray:
         """τ₀² (n_joints,): what shapes of the catalogue miss, alone and beside other effects."""
-        others = np.zeros(len(self.options.ledger.joints))
-        for term in terms:
-            if term.candidate.kind is Kind.EFFECT:
-                others += term.visible**2
+        nothing = np.zeros(len(self.options.ledger.joints))
+        others = sum((term.visible**2 for term in terms if term.is_effect), nothing)
         return settings.MISFIT**2 + settings.MISFIT_OF_OTHERS**2 * others
 
     def _visible_one(self, model: ModelWithTerms) -> Term | None:
@@ -141,11 +140,9 @@ class Comparison:
 
     def _counts(self, term: Term, model: ModelWithTerms) -> bool:
         """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
-        others = np.zeros(len(term.whole))
-        for other in model.terms:  # numbers are exact, shapes are not
-            if other.candidate.kind is not Kind.EFFECT:
-                continue
-            others = np.maximum(others, np.minimum(other.whole, 1.0))
+        # Numbers are exact, shapes are not.
+        shares = [np.minimum(other.whole, 1.0) for other in model.terms if other.is_effect]
+        others = np.max([np.zeros(len(term.whole)), *shares], axis=0)
         least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
         return bool(np.any(term.visible > least))
 
@@ -199,7 +196,7 @@ class _Ranking:
         self.bound = bound + prior.log
         order = np.argsort(-self.bound)[:_LOOKED_AT]
         self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
-        self._directions = self._eigen()
+        self._along = self._eigen()
         self.dispersion = np.ones(len(self.order))
         plain = self._log_bayes(np.zeros(len(self.order)))
         self.dispersion = self._dispersions(plain)
@@ -208,15 +205,14 @@ class _Ranking:
         misfit = comparison.shares_of_joints @ comparison.misfit(model.terms)
         self.capped = self._log_bayes(misfit[options.candidate[self.order]])
 
-    def _eigen(self) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-        """Scores z and information λ (k, w), and directions (w, w), of the options in the order.
+    def _eigen(self) -> tuple[FloatArray, FloatArray]:
+        """Scores z and information λ (k, w) of the options in the order, in their eigenbases.
 
-        Of unit size; zero, all three, in directions that the model takes.
+        Of unit size; zero, both, in directions that the model takes.
         """
         options = self.comparison.options
         widths = options.width[self.order]
         scores, information = np.zeros((2, len(widths), int(widths.max(initial=1))))
-        directions: list[FloatArray] = [np.zeros((0, 0))] * len(widths)
         for w in np.unique(widths):
             rows = np.flatnonzero(widths == w)
             places = options.place[self.order[rows]]
@@ -226,21 +222,21 @@ class _Ranking:
             information[rows, :w] = np.where(seen, values, 0.0)
             along = np.matmul(score[:, None, :], vectors)[:, 0, :]
             scores[rows, :w] = np.where(seen, along / np.sqrt(np.where(seen, values, 1.0)), 0.0)
-            for row, table in zip(rows, vectors * seen[:, None, :], strict=True):
-                directions[row] = table
-        return scores, information, directions
+        return scores, information
 
     def _seen(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Scores z, information λ and directions (w, k) of one option, where there is any."""
-        scores, information, directions = self._directions
+        options, k = self.comparison.options, self.order[row]
+        scores, information = self._along
         seen = np.flatnonzero(information[row] > 0.0)
-        return scores[row, seen], information[row, seen], directions[row][:, seen]
+        _, vectors = np.linalg.eigh(self.products[int(options.width[k])][0][options.place[k]])
+        return scores[row, seen], information[row, seen], vectors[:, seen]
 
     def _log_bayes(self, misfit: FloatArray) -> FloatArray:
         """Of the options in their order, with the present dispersion: (k,)."""
         if not len(self.order):
             return np.zeros(0)
-        scores, information, _ = self._directions
+        scores, information = self._along
         by = self.dispersion[:, None]
         return log_bayes_factor(scores / np.sqrt(by), information / by, misfit)
 
@@ -274,7 +270,7 @@ class _Ranking:
     @cached_property
     def _shrunk(self) -> FloatArray:
         """Factors (k, w) by which scores of the options in the order are drawn to zero."""
-        scores, information, _ = self._directions
+        scores, information = self._along
         by = self.dispersion[:, None]
         return shrunk(scores / np.sqrt(by), information / by)
 
@@ -283,15 +279,12 @@ class _Ranking:
         options, prior = self.comparison.options, self.comparison.prior
         present = self.capped + prior.of_presence[self.order] > prior.nothing
         score = np.where(present, self.score, -np.inf)
-        kept: list[tuple[int, int]] = []
-        chosen: tuple[int, FloatArray, FloatArray, FloatArray] | None = None
-        for row in np.argsort(-score):
+        kept: list[int] = []
+        of_best, least = None, prior.nothing - 6.0
+        for row in np.argsort(-score).tolist():
+            if score[row] < least:
+                break
             k = int(self.order[row])
-            low = score[row] < prior.nothing - 6.0
-            if not np.isfinite(score[row]) or low:
-                break
-            if kept and score[row] < score[kept[0][1]] - settings.NEAR:
-                break
             acts_with = options.candidates[options.candidate[k]].effect.acts_with
             alone = acts_with and acts_with not in self.parts
             if alone or options.keys[options.key[k]] in banned:
@@ -299,12 +292,10 @@ class _Ranking:
             numbers = self._numbers(row)
             if numbers is None:
                 continue
-            if chosen is None:
-                chosen = (k, *numbers)
-            kept.append((k, int(row)))
-        if chosen is None:
-            return None
-        return self._term(kept, *chosen)
+            if of_best is None:
+                of_best, least = numbers, max(least, float(score[row]) - settings.NEAR)
+            kept.append(row)
+        return None if of_best is None else self._term(kept, *of_best)
 
     def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""
@@ -317,7 +308,7 @@ class _Ranking:
         basis = comparison.nominal.basis[w][place]
         spread = basis @ (vectors / np.sqrt(values))
         deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row])
-        unit = vectors @ (self._shrunk[row, self._directions[1][row] > 0.0] * z / np.sqrt(values))
+        unit = vectors @ (self._shrunk[row, self._along[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
         candidate, shape = options.named(k)
         if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
@@ -326,28 +317,25 @@ class _Ranking:
 
     def _term(
         self,
-        kept: Sequence[tuple[int, int]],
-        option: int,
+        kept: Sequence[int],
         unit: FloatArray,
         coefficients: FloatArray,
         deviations: FloatArray,
     ) -> Term:
-        comparison, options = self.comparison, self.comparison.options
-        prior = comparison.prior
+        """The first of the rows that are `kept`, with the others of them as its rivals."""
+        comparison, options, row = self.comparison, self.comparison.options, kept[0]
+        prior, nominal, option = comparison.prior, comparison.nominal, int(self.order[row])
         candidate, shape = options.named(option)
         w, place = int(options.width[option]), options.place[option]
-        basis = comparison.nominal.basis[w][place]
-        row = kept[0][1]
-        nominal = comparison.nominal
+        basis = nominal.basis[w][place]
         plain = nominal.columns(option)
         left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(w, place))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
-        score = np.array([self.score[number] for _, number in kept])
-        weights = np.exp(score - score.max())
         keys: dict[Key, float] = {}
-        for (k, _), weight in zip(kept, weights / weights.sum(), strict=True):
+        weights = softmax(self.score[list(kept)]).tolist()
+        for k, weight in zip(self.order[list(kept)], weights, strict=True):
             key = options.keys[options.key[k]]
-            keys[key] = keys.get(key, 0.0) + float(weight)
+            keys[key] = keys.get(key, 0.0) + weight
         odds = float(self.capped[row]) + prior.odds_of_presence(candidate.key)
         inverse = np.linalg.pinv(basis)
         lines = {joint: table @ inverse for joint, table in plain.items()}
@@ -362,7 +350,7 @@ class _Ranking:
             size=float(np.linalg.norm(unit) / np.sqrt(w)),
             log_prior=float(prior.log[option]),
             evidence=float(self.capped[row]),
-            presence=_logistic(odds),
+            presence=float(expit(odds)),
             whole=whole,
             visible=visible,
             rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
@@ -383,10 +371,6 @@ def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
     """Joints (n_joints,) where a structural effect stands."""
     there = np.zeros(joints, dtype=bool)
     for term in terms:
-        if term.candidate.kind is Kind.EFFECT and term.candidate.place is not None:
-            there[list(term.candidate.place.joints)] = True
+        if term.is_effect:
+            there[list(term.place.joints)] = True
     return there
-
-
-def _logistic(odds: float) -> float:
-    return float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0))))

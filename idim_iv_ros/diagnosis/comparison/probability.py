@@ -7,8 +7,8 @@ from functools import cache
 from importlib import resources
 
 import numpy as np
+from scipy.special import expit
 
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import Chosen
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.types import FloatArray
@@ -70,7 +70,7 @@ def features(
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
     # Shapes of effects are never exact: a small term beside large ones may be their misfit.
-    shares = [float(o.visible.max()) for o in others if o.candidate.kind is Kind.EFFECT]
+    shares = [float(o.visible.max()) for o in others if o.is_effect]
     rest = float(np.linalg.norm(shares))
     return np.array(
         [
@@ -91,7 +91,7 @@ def probability(values: Sequence[float] | FloatArray, effect: str) -> float:
     weights = table()
     odds = weights.intercept + weights.effects.get(effect, 0.0)
     odds += float(np.dot([weights.weights[name] for name in FEATURES], values))
-    return float(np.clip(1.0 / (1.0 + np.exp(-odds)), *LIMITS))
+    return float(np.clip(expit(odds), *LIMITS))
 
 
 def of_set(values: FloatArray, effect: str) -> float:

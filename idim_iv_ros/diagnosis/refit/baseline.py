@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
-from idim_iv_ros.diagnosis.result import JointChange
+from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
@@ -45,7 +45,7 @@ class Baseline:
     `commands`: recorded, beside the configured law; None where they cannot be compared;
     `sticking`: whether it is known where joints stick: the closed loop of every recording is
     simulated; `regression`: of the torque on the smooth motion; `shift`: s by which the effort of
-    the rows is later than recorded.
+    its rows is later than recorded.
     """
 
     prepared: PreparedRegression
@@ -72,16 +72,6 @@ class Baseline:
         """(r_j,) of each joint: which recording each row belongs to."""
         return self.of_joints([np.full(len(m.kept), k) for k, m in enumerate(self.motions)])
 
-    @cached_property
-    def places(self) -> tuple[IntArray, ...]:
-        """(r_j,) of each joint: which decimated sample of its recording each row is."""
-        return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
-
-    @cached_property
-    def candidates(self) -> dict[tuple[str, Place, tuple[Shape, ...]], Any]:
-        """Candidates that catalogues made of an effect at a place: a further search has some."""
-        return {}
-
     def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
         """Return the same on other motions, with friction that sticks as theirs does."""
         model, parts = self.prepared.model, [[] for _ in self.joints]  # type: ignore[var-annotated]
@@ -91,15 +81,21 @@ class Baseline:
                 matrix[:, self.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
                 parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
         joints = tuple(
-            replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
+            replace(rows, matrix=np.concatenate(part), position=None)
             for rows, part in zip(self.rows, parts, strict=True)
         )
         return replace(self, motions=motions, regression=replace(self.regression, joints=joints))
 
+    def later(self, shift: float) -> "Baseline":
+        """Return the same with the effort of the rows `shift` seconds later than recorded."""
+        rows = later(self.rows, self.prepared.motions, shift)
+        return replace(self, regression=replace(self.regression, joints=rows), shift=shift)
+
     @property
     def left_out(self) -> frozenset[int]:
         """Joints whose torque says nothing of the robot."""
-        return frozenset(joint for joint, rows in enumerate(self.rows) if rows.left_out)
+        joints = enumerate(self.rows)
+        return frozenset(joint for joint, rows in joints if rows.left_out)
 
     @property
     def row_rate(self) -> float:
@@ -107,21 +103,45 @@ class Baseline:
         return self.prepared.cutoffs.row_rate
 
     @property
-    def torque_sizes(self) -> tuple[float, ...]:
-        """RMS of the recorded torque of each joint, N m (N)."""
-        return tuple(max(rms(rows.torque), 1e-300) for rows in self.rows)
+    def torque_sizes(self) -> FloatArray:
+        """RMS (n_joints,) of the recorded torque of each joint, N m (N)."""
+        return np.maximum([rms(rows.torque) for rows in self.rows], 1e-300)
 
-    @property
-    def slowest(self) -> FloatArray:
-        """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
-        peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
-        least = settings.LEAST_SPEED_SHARE * peaks
-        return np.asarray(np.maximum(self.prepared.minimum_speed, least))
+    @cached_property
+    def covered(self) -> OperatingRange:
+        """What the recordings cover."""
+        motions, kinds = self.motions, self.prepared.model.robot.joint_types
+
+        def largest(name: str) -> FloatArray:
+            return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], 0))
+
+        fastest = largest("velocity")
+        # Where rows of all speeds count, those that do are a share of the peak.
+        least = settings.LEAST_SPEED_SHARE * fastest
+        return OperatingRange(
+            low=np.min([m.position.min(axis=0) for m in motions], axis=0),
+            high=np.max([m.position.max(axis=0) for m in motions], axis=0),
+            slowest=np.maximum(self.prepared.minimum_speed, least),
+            fastest=fastest,
+            mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
+            load=largest("load"),
+            torque=largest("torque"),
+            inertia=np.mean(
+                [np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0
+            ),
+            duration=float(max(m.time[-1] for m in motions)),
+            longest=float(max(m.elapsed[-1] for m in motions)),
+            row_rate=self.row_rate,
+            lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
+            sticking=self.sticking,
+            left_out=self.left_out,
+        )
 
     def columns_of(self, joint: int, *kinds: str) -> IntArray:
         """Places of kinds of base parameters (Fc) of a joint among the columns of its rows."""
         names, wanted = self.prepared.model.base.names, {f"{kind}{joint + 1}" for kind in kinds}
-        return np.flatnonzero([names[column] in wanted for column in self.rows[joint].columns])
+        columns = self.rows[joint].columns
+        return np.flatnonzero([names[column] in wanted for column in columns])
 
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
@@ -252,32 +272,6 @@ def nominal_residuals(data: Baseline) -> tuple[FloatArray, ...] | None:
     return None if given is None else tuple(rows.residual(given) for rows in data.rows)
 
 
-def operating_range(data: Baseline) -> OperatingRange:
-    """What the recordings cover."""
-    motions = data.motions
-    kinds = data.prepared.model.robot.joint_types
-
-    def largest(name: str) -> FloatArray:
-        return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], axis=0))
-
-    return OperatingRange(
-        low=np.min([m.position.min(axis=0) for m in motions], axis=0),
-        high=np.max([m.position.max(axis=0) for m in motions], axis=0),
-        slowest=data.slowest,
-        fastest=largest("velocity"),
-        mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
-        load=largest("load"),
-        torque=largest("torque"),
-        inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
-        duration=float(max(m.time[-1] for m in motions)),
-        longest=float(max(m.elapsed[-1] for m in motions)),
-        row_rate=data.row_rate,
-        lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
-        sticking=data.sticking,
-        left_out=data.left_out,
-    )
-
-
 def rows_of(
     data: Baseline,
     effect: Effect,
@@ -290,52 +284,24 @@ def rows_of(
     Columns of shapes that follow each other lie one after the other in memory. `precision`: of
     what is decimated; that of a catalogue, which is compared and not differentiated, is single.
     """
-    starts = range(0, len(shapes), _AT_ONCE)
-    some = [shapes[k : k + _AT_ONCE] for k in starts]
-    parts = [_rows_at_once(data, effect, place, part, precision) for part in some]
-    return [columns for part in parts for columns in part]
-
-
-def _rows_at_once(
-    data: Baseline,
-    effect: Effect,
-    place: Place,
-    shapes: Sequence[Shape],
-    precision: type[np.floating],
-) -> list[Columns]:
-    """Rows for a few shapes, all columns of all joints filtered in one call."""
-    tables = []
-    for motion in data.motions:
-        joints, widths, lines = _side_by_side(effect, motion, place, shapes, precision)
-        tables.append(motion.rows(lines.T).T)
-    ends = np.cumsum(widths)
-    blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
-    for number, joint in enumerate(joints):
-        of_joint = slice(number * ends[-1], (number + 1) * ends[-1])
-        counting = [
-            table[of_joint].compress(motion.kept[:, joint], axis=1)
-            for table, motion in zip(tables, data.motions, strict=True)
-        ]
-        rows = np.concatenate(counting, axis=1)
-        for block, end, width in zip(blocks, ends, widths, strict=True):
-            block[joint] = rows[end - width : end].T
-    return list(blocks)
-
-
-def _side_by_side(
-    effect: Effect,
-    motion: SmoothMotion,
-    place: Place,
-    shapes: Sequence[Shape],
-    precision: type[np.floating],
-) -> tuple[tuple[int, ...], list[int], FloatArray]:
-    """Joints of an effect, columns of each shape, and all of these as lines (joints × k, s).
-
-    The effect's own arrays are free again before the lines are filtered.
-    """
-    torques = effect.torques(motion, place, shapes)
-    joints = tuple(torques[0])
-    parts = [torque[joint].T for joint in joints for torque in torques]
-    with np.errstate(over="ignore"):  # shapes of a torque beyond all hardware are no candidates
-        lines = np.concatenate(parts, dtype=precision, casting="same_kind")
-    return joints, [width_of(torque) for torque in torques], lines
+    made: list[dict[int, FloatArray]] = [{} for _ in shapes]
+    for start in range(0, len(shapes), _AT_ONCE):
+        some, tables = shapes[start : start + _AT_ONCE], []
+        for motion in data.motions:
+            torques = effect.torques(motion, place, some)
+            joints, ends = tuple(torques[0]), np.cumsum([width_of(torque) for torque in torques])
+            parts = [torque[joint].T for joint in joints for torque in torques]
+            with np.errstate(over="ignore"):  # shapes beyond all hardware are no candidates
+                lines = np.concatenate(parts, dtype=precision, casting="same_kind")
+            del torques, parts  # before the lines are filtered
+            tables.append(motion.rows(lines.T).T)
+        for number, joint in enumerate(joints):
+            of_joint = slice(number * ends[-1], (number + 1) * ends[-1])
+            counting = [
+                table[of_joint].compress(motion.kept[:, joint], axis=1)
+                for table, motion in zip(tables, data.motions, strict=True)
+            ]
+            shares = np.split(np.concatenate(counting, axis=1), ends[:-1])
+            for columns, lines in zip(made[start:], shares, strict=False):
+                columns[joint] = lines.T
+    return list(made)

@@ -13,15 +13,17 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     nominal_residuals,
     refit_of,
 )
-from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
+from idim_iv_ros.diagnosis.refit.held_out import row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turning_friction
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable, Stage
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
+from idim_iv_ros.diagnosis.result.document import NotTestable, Stage
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
-from idim_iv_ros.model import RobotModel
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.statistics.bootstrap import energies
 from idim_iv_ros.types import FloatArray
 
 _STANDARD_GRAVITY = 9.81  # m/s², that is put in
@@ -136,7 +138,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     early = on_likelier_motion(data)
     if not early.shift.beyond_control:
         return early
-    delay, prepared, support = early.shift.shift, data.prepared, 0.0
+    delay, prepared, support = early.shift.common.value, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
     if of_stamps.sticking:
@@ -183,7 +185,7 @@ def _with_friction(data: Baseline) -> Refit:
 def missing_gravity(data: Baseline) -> MissingGravity | None:
     """Look for gravity where the configuration has none; None where it has, or none shows."""
     robot = data.prepared.model.robot
-    if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
+    if robot.gravity.any() or data.prepared.why_no_given:
         return None
     columns, regression = unit_gravity_rows(data, np.eye(3)), data.regression
     plain = regression.fitted
@@ -202,7 +204,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
     if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
         return None
     parts = zip(nominal_residuals(data) or (), row_blocks(data), strict=True)
-    weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
+    weightless = stage_of("given", [energies(*part) for part in parts], data.joints)
     deviation = np.sqrt(np.diag(heavy.coefficient_covariance))
     return MissingGravity(heavy.coefficients, deviation, wald, weightless)
 
@@ -210,7 +212,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
 def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
     """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
     robot = data.prepared.model.robot
-    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
+    tilted = [robot.with_gravity(acceleration) for acceleration in accelerations]
     bodies = robot.given.of_links
     torques = []  # (s, n_joints, k) of each recording
     for motion in data.motions:
@@ -221,9 +223,3 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
         data.decimated(joint, [torque[:, joint] for torque in torques])
         for joint in range(len(robot.joints))
     ]
-
-
-def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
-    model = robot.pinocchio.copy()
-    model.gravity.linear = gravity
-    return replace(robot, pinocchio=model)
