@@ -264,6 +264,14 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
     return steps[:_MOST_STEPS]
 
 
+def export_options(result: GapResult) -> tuple[str, ...]:
+    """Return the options with which an export of a diagnosis changes all that it shows."""
+    # Beside a torque scale or gravity the export cannot spread what no cause names.
+    parts = {part_of(cause.effect) for cause in result.causes}
+    spread = unnamed_error(result) and not parts & {"torque scale", "gravity"}
+    return ("--remainder",) if spread or not result.causes else ()
+
+
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return the recommended steps after a diagnosis: what to run, and what to record."""
     result, config, files = report.result, report.files.config, report.files
@@ -274,11 +282,9 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
     recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
-        rest, words = [], "Put the causes into your simulator, or into ours:"
-        # Beside a torque scale or gravity the export cannot spread what no cause names.
-        parts = {part_of(cause.effect) for cause in result.causes}
-        if unnamed_error(result) and not parts & {"torque scale", "gravity"}:
-            rest = ["--remainder"]
+        rest = export_options(result)
+        words = "Put the causes into your simulator, or into ours:"
+        if rest:
             words = "Put the causes and the other values into your simulator:"
         line = files.command("export", files.here(GAP), *rest, out="simulator")
         steps = [Step(words, line)]
@@ -339,6 +345,7 @@ def _recording_step(result: GapResult, files: Files) -> Step:
 
 def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
     """Return sentences on what changed between two sets, by how much, and how certain that is."""
+    apart = list(map(sentence, contrast.not_compared))
     if contrast.causes:
         first, more = contrast.causes[0], len(contrast.causes) - 1
         name = effect_at(first.effect, first.joint)
@@ -354,24 +361,21 @@ def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
             f"{effect_at(rival.effect, rival.joint)} ({percent(100.0 * rival.weight)})"
             for rival in first.indistinguishable_from[:1]
         ]
-        return [*words, *(f"Or else: {rival}." for rival in rivals)]
-    widest = max(contrast.joints, key=lambda joint: joint.share_of_torque, default=None)
-    if contrast.differs and widest is not None:
+        return [*words, *(f"Or else: {rival}." for rival in rivals), *apart]
+    if contrast.differs:
+        widest = max(contrast.joints, key=lambda joint: joint.share_of_torque)
         share = percent(100.0 * widest.share_of_torque)
         return [f"The sets differ by {share} of the torque at {widest.joint}, and nothing in the "
-                "catalogue explains it."]  # fmt: skip
-    largest = max(contrast.joints, key=lambda joint: joint.after, default=None)
-    words = ["No difference: each part of the second set is predicted as well from all recordings "
-             "as from the rest of its own set."]  # fmt: skip
-    if largest is not None:
-        size = f"{number(largest.after)} {torque_unit(result, largest.joint)}"
-        words.append(f"Changes far below the {size} rms left at {largest.joint} may hide in it.")
-    return words
+                "catalogue explains it.", *apart]  # fmt: skip
+    return [contrast.sentence]
 
 
 def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
     """Return the recommended steps after a comparison of two sets of recordings."""
     reference, against = files.recordings(contrast.reference), files.recordings(contrast.against)
+    if contrast.not_compared:
+        line = files.command("check", *against)
+        return [Step("Check the recordings of the second set, and their units and signs:", line)]
     if not contrast.differs:
         line = files.command("diagnose", *reference, *against, out="both")
         return [Step("Diagnose all recordings together, which shows more:", line)]
