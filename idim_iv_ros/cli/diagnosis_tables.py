@@ -114,7 +114,8 @@ def _print_gaps(console: Console, result: GapResult) -> None:
         motions = [(stage.tracking_rms or {}).get(joint) for stage in (first, last)]
         noise = with_unit(floors.get(joint), unit)
         rows.append((joint, _arrow(torques, unit), noise, _arrow(motions, small, 1e3)))
-    after = "causes" if len(result.stages) > 2 else stage_words(last.name)
+    # All parameters are fitted again beside the causes.
+    after = "refit with causes" if len(result.stages) > 2 else stage_words(last.name)
     title = f"Gap, rms: {stage_words(first.name)} → {after}"
     print_table(console, title, ("joint", ">torque", ">noise", ">simulated motion"), rows)
 

@@ -154,6 +154,14 @@ def test_degrees_are_no_positions_in_radians(tmp_path: Path) -> None:
     assert where(checked(tmp_path, degrees), "unusable") == ["joint_1", "joint_2"]
 
 
+def test_degrees_of_one_joint_leave_out_all_that_it_moves(tmp_path: Path) -> None:
+    """The first joint's gravity and inertia turn with the second's angle."""
+    degrees = replace(recording(), position=recording().position * np.array([1.0, 180.0 / np.pi]))
+    report = checked(tmp_path, degrees)
+    assert where(report, "unusable") == ["joint_1", "joint_2"]
+    assert "its torque depends on the motion of joint_2" in str(report.findings)
+
+
 def test_position_beyond_the_limits_is_said_with_both(tmp_path: Path) -> None:
     """Half a turn from the zero of the URDF: it may be the encoder's, and is no other unit."""
     position = recording().position + np.array([0.0, np.pi])
