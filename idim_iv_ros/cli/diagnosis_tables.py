@@ -109,6 +109,9 @@ def _print_gaps(console: Console, result: GapResult) -> None:
     floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
     rows = []
     for joint in result.joints:
+        if joint in result.left_out:
+            rows.append((joint, "left out", MISSING, MISSING))
+            continue
         unit, small = torque_unit(result, joint), small_unit(result, joint)
         torques = [stage.torque_rms.get(joint) for stage in (first, last)]
         motions = [(stage.tracking_rms or {}).get(joint) for stage in (first, last)]

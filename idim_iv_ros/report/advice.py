@@ -13,6 +13,7 @@ from idim_iv_ros.diagnosis.result.recordings import (
     ContrastResult,
     RecordingAgreement,
 )
+from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.excitation.segments import separating_motion
@@ -68,19 +69,24 @@ def verdict_badge(verdict: str) -> tuple[str, str, str]:
 
 
 def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
-    """Return sentences on the size of the gap, its main cause, and how certain that is."""
+    """Return sentences on the size of the gap, its main cause, and how certain that is.
+
+    Joints that say nothing come first: all else is of the others.
+    """
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
-    worst = max(result.joint_gaps, key=lambda gap: gap.share, default=None)
+    judged = [gap for gap in result.joint_gaps if gap.joint not in result.left_out]
+    worst = max(judged, key=lambda gap: gap.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
+    out = (sentence(left_out(result.left_out)),) if result.left_out else ()
     if worst is None:
         words = f"The gap of the {model} could not be judged at any joint."
-        return words, _cause_words(result, None)
+        return *out, words, _cause_words(result, None)
     size = f"The {model} misses {_share_missed(worst)} at {worst.joint}."
     cause, certainty = _cause_words(result, worst), _certainty(result, worst)
-    return (size, cause, certainty) if certainty else (size, cause)
+    return (*out, size, cause, certainty) if certainty else (*out, size, cause)
 
 
 def _share_missed(gap: JointGap) -> str:
