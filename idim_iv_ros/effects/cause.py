@@ -7,7 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.effects.contribution import Contribution, Element, Law
+from idim_iv_ros.effects.contribution import (
+    Contribution,
+    DriveCurve,
+    DriveLaw,
+    Element,
+    EncoderError,
+    Law,
+    TorqueLaw,
+    TorqueTerm,
+)
 from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
@@ -130,12 +139,27 @@ class Cause(ABC):
     in_base_parameters: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
     laws: ClassVar[tuple[Law, ...]] = ()
+    # Whether the torque of its law lets the joint stick.
+    dry: ClassVar[bool] = False
     # What of a MuJoCo model may hold it: elements of its joint, a tendon over two; empty: nothing.
     element_of: ClassVar[Literal["", "joint", "tendon"]] = ""
 
     def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
-        """What it adds to a simulated joint; nothing where the base parameters hold it."""
-        return ()
+        """What it adds to a simulated joint; nothing where the base parameters hold it.
+
+        By default its laws with the parameters in the order of `specs`: once, or for each term
+        where the parameters are numbered.
+        """
+        names = [spec.name for spec in self.specs]
+        for law in self.laws:
+            for term in given.terms if names[0].endswith("_k") else [given.value]:
+                values = tuple(term[name] for name in names)
+                if isinstance(law, TorqueLaw):
+                    yield TorqueTerm(law, values, self.part == "friction", self.dry)
+                elif isinstance(law, DriveLaw):
+                    yield DriveCurve(law, values)
+                else:
+                    yield EncoderError(law, values)
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """Parameters with which the effect stands for a negative Fv or Fc; empty by default."""

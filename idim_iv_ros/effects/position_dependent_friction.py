@@ -11,7 +11,7 @@ from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf
 from idim_iv_ros.effects.motion import RobotMotion, Torques
-from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs, wave_values
+from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs
 from idim_iv_ros.types import FloatArray
 
 _BEYOND = 0.2  # of the range: a spot may lie outside, its flank inside
@@ -114,5 +114,6 @@ class PositionDependentFriction(WaveEffect):
         """Dry friction of the spot, or of all waves."""
         spot = given.values("centre", "width", "height")
         yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
-        for values in wave_values(given):
+        for term in given.terms:
+            values = term["wave_number_k"], term["sine_k"], term["cosine_k"]
             yield TorqueTerm(_WAVES, values, friction=True, dry=True)

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
-from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
+from idim_iv_ros.effects.cause import Parameters, ParameterSpec
+from idim_iv_ros.effects.contribution import DriveLaw
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -21,9 +21,6 @@ def _curve(p: FloatArray, command: float) -> float:
     return acting
 
 
-_LAW = DriveLaw(_curve)
-
-
 class TorqueGain(ParametricEffect):
     """Actual torque = factor · recorded torque: the recording holds torque / factor."""
 
@@ -37,7 +34,7 @@ class TorqueGain(ParametricEffect):
     specs = (ParameterSpec("factor", "", "actual torque over recorded torque", 1.0, "positive"),)
     in_base_parameters = False
     everywhere = True
-    laws = (_LAW,)
+    laws = (DriveLaw(_curve, rank=1),)
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """The gain of the recorded torque, by itself."""
@@ -54,7 +51,3 @@ class TorqueGain(ParametricEffect):
                 factor = 1.0 / (1.0 + estimate.value)
                 named |= self.numbers(factor=(factor, estimate.std * factor**2))
         return named
-
-    def contributions(self, given: GivenNumbers) -> list[DriveCurve]:
-        """A factor between the command and the torque that acts."""
-        return [DriveCurve(_LAW, (given.value["factor"],), rank=1)]

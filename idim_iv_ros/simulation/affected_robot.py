@@ -47,7 +47,7 @@ class JointContributions:
     @property
     def curves(self) -> list[tuple[int, DriveCurve]]:
         """Changes of commands in the order in which they act, each after its joint."""
-        return sorted(self.of(DriveCurve), key=lambda item: item[1].rank)
+        return sorted(self.of(DriveCurve), key=lambda item: item[1].law.rank)
 
     @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
