@@ -111,14 +111,12 @@ class GivenNumbers:
 
 
 class Cause(ABC):
-    """One cause of the catalogue: its names, what it may be mistaken for, how it is simulated."""
+    """One cause of the catalogue: its names and numbers, what shows it, how it is simulated."""
 
     name: ClassVar[str]
     kind: ClassVar[Kind]
     # Place in the catalogue: where two explain equally well, the lower one counts.
     order: ClassVar[int]
-    # What it may be mistaken for, and what no recording separates from it.
-    confounders: ClassVar[tuple[str, ...]] = ()
     # What to record so that it shows: in words, and as kinds of segment of the designed motion
     # (`excitation.segments`); where no segment shows it, `beyond_motion` says what does.
     excitation: ClassVar[str]

@@ -42,7 +42,6 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     family = "position"
     typical = 0.002  # rad, of 0.01 to 5 mrad
     linear = _NAMES
-    confounders = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
     segments = ("range_sweep",)
     specs = tuple(

@@ -72,7 +72,6 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     linear = ("coulomb", "viscous")
     dry = True
     signed = True  # friction may fall or rise
-    confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
     segments = ("repeat",)
     typical = ShareOf("dry friction", 0.4)  # 30 to 60 %

@@ -48,7 +48,6 @@ class PositionDependentFriction(WaveEffect):
     family = "position"
     signed = True  # a spot may be tight or loose
     periods, lowest = 0.7, 0.0
-    confounders = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
     segments = ("range_sweep",)
     typical = ShareOf("dry friction", 0.1)  # 5 to 15 %

@@ -90,7 +90,6 @@ class Presliding(StructuralEffect[BristleShape]):
     part = "friction"
     family = "velocity"
     linear = ("level_k",)
-    confounders = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"
     segments = ("reversals",)
     typical = ShareOf("dry friction", 0.5)

@@ -28,7 +28,6 @@ class TorqueGain(ParametricEffect):
     order = 30
     part = "torque scale"
     largest = 0.6  # of the recorded torque that is needed, more or less
-    confounders = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the nominal model is right about"
     beyond_motion = "needs a known load: repeat the motion with a payload of known mass"
     specs = (ParameterSpec("factor", "", "actual torque over recorded torque", 1.0, "positive"),)

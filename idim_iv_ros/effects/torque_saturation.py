@@ -39,7 +39,6 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     order = 110
     part = "limit"
     family = "load"
-    confounders = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
     beyond_motion = "needs torques near the limit: add a payload, or raise --margin"
     beyond_knee = True
