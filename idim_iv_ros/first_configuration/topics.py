@@ -144,13 +144,14 @@ def _joints(
     for (topic, asked), reader in readers.items():
         values = reader.finish().values
         contents[topic, asked] = {
-            joint: _contents(values["position"][:, column], values["effort"][:, column])
+            joint: _joint_contents(values["position"][:, column], values["effort"][:, column])
             for column, joint in enumerate(names[topic])
         }
     return contents
 
 
-def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
+def _joint_contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
+    """Sum up what messages (n,) hold of one joint; NaN where they hold nothing."""
     messages = int(np.count_nonzero(np.isfinite(position) | np.isfinite(effort)))
     position, effort = position[np.isfinite(position)], effort[np.isfinite(effort)]
     return JointContents(

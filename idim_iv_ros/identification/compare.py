@@ -93,8 +93,10 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    estimates = [{name: (of[name].value, of[name].std) for name in shared} for of in by_name]
-    drifts = drifts_of(*estimates, _LEVEL)
+    first_of, second_of = (
+        {name: (of[name].value, of[name].std) for name in shared} for of in by_name
+    )
+    drifts = drifts_of(first_of, second_of, _LEVEL)
     pairs = [
         ParameterPair(
             name=drift.name,

@@ -254,6 +254,7 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
 def _sentences(
     parts: Sequence[SessionPart], overlapping: Sequence[str], shortened: Sequence[str]
 ) -> tuple[str, ...]:
+    """Say how stamps became the time of a session; nothing of a single recording."""
     if len(parts) < 2:
         return ()
     listed = [f"{part.bag} from {_seconds_text(part.start)} s" for part in parts[:_LISTED]]

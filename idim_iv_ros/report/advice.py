@@ -33,6 +33,7 @@ from idim_iv_ros.report.gap_words import (
 from idim_iv_ros.report.numerals import (
     INTERVAL,
     THIN,
+    is_interval,
     is_number,
     number,
     percent,
@@ -147,7 +148,7 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
         return f"Its {size}." if size else ""
     last = result.stages[-1] if result.stages else None
     interval = None if last is None else last.torque_ci95.get(worst.joint)
-    if last is None or interval is None or not all(map(is_number, interval)):
+    if last is None or not is_interval(interval):
         return ""
     unit = torque_unit(result, worst.joint)
     level = f"{number(last.torque_rms[worst.joint])} {unit}"
@@ -174,7 +175,7 @@ def _corrected_share(result: GapResult, gap: JointGap) -> str:
     if len(result.stages) < 2:
         return ""
     first, last = (result.stages[k].torque_rms.get(gap.joint) for k in (0, -1))
-    if first is None or last is None or not (is_number(first) and is_number(last)):
+    if not (is_number(first) and is_number(last)):
         return ""
     shrinkage = Gap.between(first, last, gap.noise_floor).shrinkage
     if shrinkage is None or shrinkage <= 0.0:
@@ -211,9 +212,7 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     sizes = [
         parameter.relative_std_percent
         for parameter in result.parameters
-        if parameter.essential
-        and parameter.relative_std_percent is not None
-        and is_number(parameter.relative_std_percent)
+        if parameter.essential and is_number(parameter.relative_std_percent)
     ]
     precision: tuple[str, ...] = ()
     if sizes and colour != "bad":

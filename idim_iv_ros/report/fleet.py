@@ -84,7 +84,7 @@ def _subtitle(result: FleetResult) -> str:
 
 
 def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) -> dict[str, Any]:
-    differs = sum(any(q.differs for q in robot.quantities) for robot in result.robots)
+    differs = sum(robot.differs for robot in result.robots)
     changed = sum(bool(robot.changes) for robot in result.robots)
     unsteady = sum(any(q.unsteady for q in robot.quantities) for robot in result.robots)
     unused = sum(not bag.used for bag in result.bags)
@@ -112,7 +112,7 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
 
 def _badge(result: FleetResult) -> tuple[str, str, str]:
     """Return the badge of the headline; it is good only if everything could be judged."""
-    if any(q.differs for robot in result.robots for q in robot.quantities):
+    if any(robot.differs for robot in result.robots):
         return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
         return "bad", "↗", "a robot changed"
@@ -183,7 +183,7 @@ def _short(path: Path) -> str:
 
 def headline(result: FleetResult) -> str:
     """Return one sentence on the fleet: robots that differ or changed."""
-    differs = [robot.robot for robot in result.robots if any(q.differs for q in robot.quantities)]
+    differs = [robot.robot for robot in result.robots if robot.differs]
     changed = [robot.robot for robot in result.robots if robot.changes]
     counted = [robot for robot in result.robots if robot.quantities]
     if not counted:

@@ -219,8 +219,7 @@ def drift_sentence(comparisons: Sequence[Comparison]) -> str:
             newest = comparison.newest
             kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
             changed = "; ".join(
-                f"{drift.name} {drift.before:.4g} → {drift.now:.4g} "
-                f"({drift.statistic:+.1f} σ)"
+                f"{drift.name} {drift.before:.4g} → {drift.now:.4g} ({drift.statistic:+.1f} σ)"
                 for drift in comparison.drifting
             )
             which = f"{kind}: " if len(comparisons) > 1 else ""

@@ -126,12 +126,8 @@ class ModelSource:
     def _describe(self, text: str, source: str) -> None:
         """Build the model of a URDF text; `source` names it in messages."""
         model = build_inverse_model(self._configuration, text, source)
-        carried = {
-            joint.name: link
-            for link, joint in read_urdf_text(text, source).outward()
-            if joint is not None
-        }
-        links = tuple(carried[joint] for joint in self._configuration.robot.joints)
+        joints = read_urdf_text(text, source).joints
+        links = tuple(joints[name].child for name in self._configuration.robot.joints)
         self._described = _Described(text, source, model, links)
 
     def _announce_kept(self) -> None:
