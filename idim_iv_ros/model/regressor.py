@@ -20,20 +20,11 @@ from idim_iv_ros.model.link_motion import (
     link_frames,
     move_links,
     place_links,
+    turn,
 )
 from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
-
-
-@kernel
-def turn(matrix: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Product of a rotation and a vector."""
-    return (
-        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
-        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
-    )
 
 
 @kernel
