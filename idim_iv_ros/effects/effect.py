@@ -264,7 +264,7 @@ class StructuralEffect(Cause, Generic[S]):
         return f"{torque:.2g} N m"
 
     def size_of(self, shape: S) -> float:
-        """Size of an effect that has it in its shape (see `size_in`): the first number."""
+        """First number of a shape: the size, where `size_in` says that the shape has it."""
         return shape.numbers[0]
 
     def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:

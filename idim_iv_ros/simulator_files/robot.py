@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.diagnosis.result import GapResult
-from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
+from idim_iv_ros.effects.registry import STRUCTURAL, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import RobotModel
@@ -26,6 +26,7 @@ from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.simulation import SimulatedEffect, control_law
 from idim_iv_ros.simulator_files.named import CorrectedModel, Load, is_possible
+from idim_iv_ros.simulators.effects_file import constant_torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -244,12 +245,7 @@ class ExportedRobot:
     @property
     def effects(self) -> tuple[SimulatedEffect, ...]:
         """Return all effects, negative friction and constant torques included."""
-        offsets = zip(self.robot.joints, self.drives.offset, strict=True)
-        constant = tuple(
-            SimulatedEffect(name_of("offset"), name, {"offset": float(offset)})
-            for name, offset in offsets
-            if offset
-        )
+        constant = constant_torques(self.robot.joints, dict(enumerate(self.drives.offset)))
         return (*self.structural, *self.negative_friction, *constant)
 
     @cached_property
