@@ -182,7 +182,10 @@ class Cause(ABC):
         return "" if spec is None else spec.standard
 
     def parameter_words(self, name: str) -> str:
-        """Return what a parameter is; its name without underscores where that says it."""
+        """Return what a parameter is, with its number: ``sine_2`` as “… with the sine 2”.
+
+        Where nothing is declared, its name without underscores says it.
+        """
         spec = self.spec(name)
         if spec is None or not spec.words:
             return name.replace("_", " ")

@@ -55,7 +55,7 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
         return [DiscShape(False), DiscShape(True)]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """Why a joint turns too little to show the effect; empty if it does not."""
+        """Why a joint turns too little to show the effect; empty if it turns enough."""
         span, length = covered.span(joint), covered.length(joint)
         if length == "rad" and span >= _LEAST_TURN:
             return ""

@@ -52,6 +52,10 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 
 @kernel
 def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> None:
+    """Warm the joint by its speed beyond the mean, exactly for a speed that is constant in a step.
+
+    The values are those of `_torque`.
+    """
     if p[4] > 0.0:
         state[0] += -math.expm1(-step / p[0]) * (abs(dq) / p[4] - 1.0 - state[0])
 

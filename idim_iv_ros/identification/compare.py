@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import UsageError, first_of
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import words_of_name
@@ -62,11 +62,10 @@ class ParameterComparison:
                 f"standard deviations, which results of an unchanged robot exceed with a "
                 f"probability of {level}."
             )
-        more = f" and {len(differing) - _MOST_NAMES} more" if len(differing) > _MOST_NAMES else ""
         verb = "differs" if len(differing) == 1 else "differ"
         return (
-            f"{len(differing)} of {count} parameters {verb}: {', '.join(differing[:_MOST_NAMES])}"
-            f"{more}. Results of an unchanged robot differ so with a probability of {level}."
+            f"{len(differing)} of {count} parameters {verb}: {first_of(differing, _MOST_NAMES)}. "
+            f"Results of an unchanged robot differ so with a probability of {level}."
         )
 
     def to_document(self) -> dict[str, object]:

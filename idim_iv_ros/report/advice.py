@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis.result import (
 )
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
+from idim_iv_ros.errors import first_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
@@ -197,11 +198,12 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
         for residual in result.residuals
         if verdict_badge(residual.verdict)[0] == "bad"
     ]
+    where = first_of(wrong, 3) or "several joints together"
     level = percent(100.0 * result.instruments.alpha)
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
-        "bad": f"Do not rely on all parameters: the model is misspecified at {_joint_list(wrong)} "
+        "bad": f"Do not rely on all parameters: the model is misspecified at {where} "
         f"(tested at {level}).",
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
@@ -226,13 +228,6 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
 def _has_reference(result: IdentificationResult) -> bool:
     signals = result.configuration.get("signals")
     return isinstance(signals, Mapping) and signals.get("reference") is not None
-
-
-def _joint_list(joints: Sequence[str], most: int = 3) -> str:
-    if not joints:
-        return "several joints together"
-    more = f" and {len(joints) - most} more" if len(joints) > most else ""
-    return ", ".join(joints[:most]) + more
 
 
 def identification_steps(report: Report[IdentificationResult]) -> list[Step]:

@@ -118,7 +118,10 @@ class ModelSource:
         return True
 
     def _drop_model(self, reason: str, content: tuple[Path, int, str] | None) -> bool:
-        """Drop the model for a `reason`, and return whether there was one."""
+        """Drop the model for a `reason`, and return whether there was one.
+
+        `content`: what was read and is no model, so that it is not read again; None: nothing was.
+        """
         self.reason, self._read = reason, content
         changed, self.identified = self.identified is not None, None
         return changed

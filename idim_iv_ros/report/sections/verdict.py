@@ -110,6 +110,7 @@ def _project(point: FloatArray) -> FloatArray:
 
 
 def _colour(share: float) -> str:
+    """Return the CSS colour of a share from 0 to 1, between those of `_COLOURS`."""
     places = [place for place, _ in _COLOURS]
     parts = zip(*(colour for _, colour in _COLOURS), strict=True)
     mixed = [round(float(np.interp(share, places, part))) for part in parts]
