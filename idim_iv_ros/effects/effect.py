@@ -80,7 +80,7 @@ class OperatingRange:
         return float(self.high[joint] - self.low[joint])
 
     def length(self, joint: int) -> str:
-        """Unit of a joint's position: rad or m."""
+        """Unit of a joint's position: rad, or m where the `lever` is that of a prismatic joint."""
         return "rad" if float(self.lever[joint]) == 1.0 else "m"
 
     def too_slow_to_bend(self, joint: int) -> str:

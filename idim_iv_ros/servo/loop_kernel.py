@@ -43,7 +43,10 @@ class Load(NamedTuple):
 
 @kernel
 def mean_command(command: FloatArray, rate: float, start: float, duration: float) -> float:
-    """Mean of a command, constant between samples, over `duration` s from `start` s."""
+    """Mean of a command, constant between samples, over `duration` s from `start` s.
+
+    The duration is at most that of a sample.
+    """
     last = command.shape[0] - 1
     first = min(max(math.floor(start * rate), 0), last)
     after = min(max(math.floor((start + duration) * rate), 0), last)
