@@ -15,6 +15,7 @@ from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import (
     MISSING,
+    is_interval,
     is_number,
     number,
     percent,
@@ -201,9 +202,9 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
     """
     gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
     share = MISSING
-    if gap.shrinkage is not None and is_number(gap.shrinkage) and gap.shrinkage > 0.0:
+    if is_number(gap.shrinkage) and gap.shrinkage > 0.0:
         share = percent(100.0 * min(gap.shrinkage, 1.0))
-        if gap.ci95 is not None and is_number(gap.ci95[0]) and is_number(gap.ci95[1]):
+        if is_interval(gap.ci95):
             low, high = (round(100.0 * min(max(end, 0.0), 1.0)) for end in gap.ci95)
             share += f" ({low} to {high})"
     rivals = ", ".join(

@@ -98,7 +98,7 @@ class ResultPublisher:
         self._compare(history)
         newest = self._comparisons[-1]
         if newest.drifting:
-            names = ", ".join(drift.parameter for drift in newest.drifting)
+            names = ", ".join(drift.name for drift in newest.drifting)
             self._node.get_logger().warning(f"changed since {newest.compared_with}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
