@@ -19,7 +19,6 @@ from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result import Stage, Unexplained
 from idim_iv_ros.diagnosis.where import above_noise
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
@@ -131,7 +130,12 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         *(d.term for d in doubtful if d.term.candidate.kind is Kind.EFFECT and d.outside),
     )
     more = [term.columns for term in outside if matters(term)]
-    more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
+    space = selection.comparison.catalogue.space
+    more += [
+        term.columns
+        for term in selection.terms
+        if term.candidate.kind is Kind.SIGNAL or term.candidate.is_beside_base_parameters(space)
+    ]
     repeats = repeats_of(data)
     floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
@@ -157,14 +161,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         tested=tested,
         floors=tuple(floors),
     )
-
-
-def _beside_base_parameters(term: Term) -> bool:
-    """Whether a number or signal is one that no base parameter holds."""
-    if term.candidate.kind is Kind.SIGNAL:
-        return True
-    effect = term.candidate.effect
-    return isinstance(effect, ParametricEffect) and not effect.in_base_parameters
 
 
 def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:

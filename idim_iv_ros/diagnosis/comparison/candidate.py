@@ -76,6 +76,10 @@ class Candidate:
             return False
         return effect.is_not_given(space, place.joint)
 
+    def is_beside_base_parameters(self, space: ParameterSpace) -> bool:
+        """Whether no base parameters make up for this number, such as a tilt of gravity."""
+        return any(change.direction[len(space.given) :].any() for change in self.changes)
+
     @property
     def options(self) -> int:
         """How many shapes there are."""
@@ -137,7 +141,7 @@ class Catalogue:
         common = [
             number
             for number in numbers
-            if not number_scopes or not getattr(number.effect, "in_base_parameters", True)
+            if not number_scopes or number.is_beside_base_parameters(self.space)
         ]
         self.candidates = (
             *effects,
