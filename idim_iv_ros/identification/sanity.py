@@ -235,7 +235,6 @@ class _Signals:
             "not the whole torque; record that"
         )
 
-
     def _another_unit(self, effort: EffortStatistics) -> str:
         """Say that no masses that are off make so much or so little of the nominal torque."""
         torque = effort.torque
