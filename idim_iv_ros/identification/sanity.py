@@ -34,6 +34,8 @@ _MOSTLY_FRICTION = 0.5  # of the variance of the effort
 _STATIC = 0.95  # of that variance
 _ABSENT = 0.2  # of the torque of accelerations that the nominal masses need
 _BETTER_WITH_SIGNS = 0.7  # of the residual
+_MOSTLY_MASSES = 0.5  # of the variance of the effort beside friction
+_ANOTHER_UNIT = 10.0  # times the torque of the nominal masses, or a part of it
 _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
@@ -174,6 +176,7 @@ class _Signals:
     def efforts(self, effort: EffortStatistics) -> Iterator[JointFinding]:
         """Efforts that cannot be the torque of this joint."""
         sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
+        sentence = sentence or self._another_unit(effort)
         if sentence:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
         elif self.in_newton_metres and effort.given_friction > _FRICTION * effort.size:
@@ -230,6 +233,18 @@ class _Signals:
             f"direction, and of {expected:.2g} {self.torque} (rms) that the nominal masses "
             f"need to accelerate it holds {effort.shown:.2g}: a friction or gravity compensation, "
             "not the whole torque; record that"
+        )
+
+    def _another_unit(self, effort: EffortStatistics) -> str:
+        """Say that no masses that are off make so much or so little of the nominal torque."""
+        torque = effort.torque
+        if not self.in_newton_metres or torque is None or torque.of_rest < _MOSTLY_MASSES:
+            return ""
+        if torque.value < 0.0 or 1.0 / _ANOTHER_UNIT < torque.value < _ANOTHER_UNIT:
+            return ""
+        return (
+            f"the effort is {torque.value:.2g} times the torque that the nominal masses need, and "
+            "follows it: another unit? Give what makes it a torque as signals.effort_scale"
         )
 
 

@@ -32,7 +32,7 @@ VERDICTS = {
     "parametric": ("fair", "≈", "parametric: parameter errors of the nominal model"),
     "structural": ("bad", "≠", "structural: effects that the model lacks"),
     "both": ("bad", "≠", "parametric and structural"),
-    "unknown": ("open", "?", "unknown: something is there, and no cause is certain"),
+    "unknown": ("open", "?", "unknown: something is there that no certain cause explains"),
 }
 AXES = {
     "speed": "Speed",

@@ -110,6 +110,8 @@ def of_gravity() -> FloatArray:
     [
         pytest.param(lambda: -recording().effort[:, JOINT], id="opposite"),
         pytest.param(lambda: np.abs(recording().effort[:, JOINT]), id="unsigned"),
+        pytest.param(lambda: 1e3 * recording().effort[:, JOINT], id="mN m"),
+        pytest.param(lambda: 1e-2 * recording().effort[:, JOINT], id="of full scale"),
         pytest.param(of_friction, id="friction compensation"),
         pytest.param(of_gravity, id="gravity compensation"),
     ],

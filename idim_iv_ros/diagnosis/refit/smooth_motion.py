@@ -106,20 +106,26 @@ def simulated_slips(
 ) -> tuple[FloatArray | None, ...]:
     """Friction of each recording's span as a share of its level, (n_samples, n_joints), −1 to 1.
 
-    None where the closed loop is not simulated.
+    Simulated with the refit's numbers, or with the given ones where the loop diverges with these: a
+    spring makes inertias negative, and a robot with such ones runs away. When joints turn is hardly
+    another in a loop that follows its reference. None where no closed loop is simulated.
     """
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
         return (None,) * len(prepared.motions)
     robot = source.model.robot
-    parameters = source.model.dynamic_parameters(estimate.linear.values)
-    level = np.maximum(parameters.coulomb, 0.0)
+    numbers = [estimate.linear.values, *([] if prepared.given is None else [prepared.given])]
     slips: list[FloatArray | None] = []
     for motion, law in zip(source.motions, source.laws, strict=True):
-        run = replay(robot, parameters, law, motion)
-        if run.diverged is not None:
+        for values in numbers:
+            parameters = source.model.dynamic_parameters(values)
+            run = replay(robot, parameters, law, motion)
+            if run.diverged is None:
+                break
+        else:
             slips.append(None)
             continue
+        level = np.maximum(parameters.coulomb, 0.0)
         states = run.position, run.velocity, run.acceleration
         slippery = inverse_dynamics(robot, parameters.without_dry_friction, *states)
         share = (run.applied_torque - slippery) / np.where(level > 0.0, level, 1.0)
