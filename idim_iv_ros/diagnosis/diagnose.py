@@ -135,11 +135,11 @@ def concluded(
     tracked = tracked_stages(data, explanation)
     stages = tuple(
         replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
-        for stage, errors in zip(explanation.tested.stages(), tracked, strict=True)
+        for stage, errors in zip(explanation.tested.stages, tracked, strict=True)
     )
 
     effects = [effect.term for effect in explanation.effects]
-    recordings = agreement(data, effects, without)
+    recordings = agreement(explanation.selection.comparison.catalogue, effects)
     numbers, errors = parametric_causes(data, explanation)
     law = check_law(data, without, shift=refit.shift.common)
     law = law.not_shown_by_torque(data, numbers, effects)
@@ -273,7 +273,7 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     residuals, given = nominal_residuals(data), data.prepared.given
     made = []
     for joint, name in enumerate(data.joints):
-        torque = data.rows[joint].torque
+        torque = data.regression.joints[joint].torque
         friction = _friction(refit, joint, fit.values)
         for number, effect in enumerate(explanation.effects):
             columns = effect.term.columns

@@ -8,11 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.result import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
@@ -35,8 +34,8 @@ Made = Callable[[Effect, Place, Shape], Columns | None]
 class Absorption:
     """What the parameters of a model leave of columns, whitened by the noise of the joints.
 
-    Whitened columns W are projected on the orthonormal columns M R⁻¹ of the model: what is left has
-    the products WᵀW − PᵀP with P = R⁻ᵀMᵀW.
+    Whitened columns w are projected on the orthonormal columns M R⁻¹ of the model: what is left has
+    the energy wᵀw − pᵀp with p = R⁻ᵀMᵀw.
     """
 
     def __init__(self, regression: Regression, noise_models: Sequence[AutoregressiveModel]) -> None:
@@ -44,23 +43,21 @@ class Absorption:
         pairs = list(zip(self._joints, noise_models, strict=True))
         self._model = [noise.standardized(rows.matrix, rows.segments) for rows, noise in pairs]
         factors = [rows.standardized_r_factor(noise)[:, :-1] for rows, noise in pairs]
-        self._total = regression.total
-        factor = stacked_r_factor(factors, [rows.columns for rows in self._joints], self._total)
-        self._basis = independent_basis(factor, tolerance=NOT_SHOWN)
+        places = [rows.columns for rows in self._joints]
+        factor = stacked_r_factor(factors, places, regression.total)
+        basis = independent_basis(factor, tolerance=NOT_SHOWN)
+        self._root = basis.inverse_root(regression.total)  # R⁻¹
 
     def left(self, columns: Columns) -> tuple[FloatArray, FloatArray]:
-        """Energy (k,) of the columns, and the products (k, k) of what is left of them."""
-        width = width_of(columns)
-        inner, products = np.zeros((self._total, width)), np.zeros((width, width))
+        """Energy of the columns, and of what is left of them, (k,) each."""
+        inner, energy = np.zeros((len(self._root), width_of(columns))), 0.0
         for joint, rows in columns.items():
             of_model = self._joints[joint]
             white = self._noise_models[joint].standardized(rows, of_model.segments)
             inner[of_model.columns] += self._model[joint].T @ white
-            products += white.T @ white
-        projected = scipy.linalg.solve_triangular(
-            self._basis.upper, inner[self._basis.kept], trans="T"
-        )
-        return np.diag(products).copy(), products - projected.T @ projected
+            energy = energy + np.sum(white**2, axis=0)
+        taken = np.sum((self._root.T @ inner) ** 2, axis=0)
+        return np.asarray(energy), np.maximum(energy - taken, 0.0)
 
 
 def detectability(
@@ -82,8 +79,7 @@ def detectability(
     needed, least_absorbed = max(_NONCENTRALITY, _LEAST_SHARE * rows), 1.0
     options: list[tuple[bool, float, str]] = []
     for shape, columns in shapes:
-        energy, left = absorption.left(columns)
-        rest = np.clip(np.diag(left), 0.0, None)
+        energy, rest = absorption.left(columns)
         share = rest / np.maximum(energy, _TINY)
         least_absorbed = min(least_absorbed, 1.0 - float(share.max()))
         at_joint = columns.get(scale.joint)
@@ -176,7 +172,7 @@ def not_shown_by_motion(
     each joint, given beforehand or bounded from below (`floor_noise_models`). `made`: columns that
     the search has.
     """
-    covered = operating_range(data)
+    covered = data.covered
     absorption = Absorption(data.regression, noise_models)
     friction = _dry_friction(data, covered)
     refused = []

@@ -236,7 +236,7 @@ def _joint_gaps(
     Shares are those of what lies beyond the noise.
     """
     sizes = np.array([rms(residual) for residual in residuals])
-    whole = np.array(data.torque_sizes)
+    whole = data.torque_sizes
     noise = np.array([floor.sigma or 0.0 for floor in floors])
     beyond = np.maximum(sizes**2 - noise**2, 0.0) / whole**2
     shares = beyond / max(float(np.sum(beyond)), 1e-300)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from idim_iv_ros.estimation.qr import BLOCK, r_factor, streamed_r_factor
-from idim_iv_ros.signals.autoregression import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel, Segments
 from idim_iv_ros.types import FloatArray, IntArray
 
 # Noise over torque of rows that are left out: enough to lose all weight, and no column.
@@ -105,7 +105,18 @@ class JointRows:
         """Return these rows and others of the joint, one below the other."""
         parts = [self, *others]
         table = np.vstack([part._table(slice(None)) for part in parts])
-        return replace(self._of(table), represented=sum(map(len, parts)))
+        starts = np.cumsum([0, *(len(part.torque) for part in parts)]).tolist()
+        return replace(
+            self._of(table),
+            segments=Segments(
+                slice(start + run.start, start + run.stop)
+                for part, start in zip(parts, starts, strict=False)
+                for run in part.segments
+            ),
+            position=None,
+            represented=sum(map(len, parts)),
+            left_out=any(part.left_out for part in parts),
+        )
 
     @cached_property
     def reduced(self) -> "JointRows":

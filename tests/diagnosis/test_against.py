@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.against.changes import agreement, changes_between
 from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
 from idim_iv_ros.diagnosis.against.sets import two_sets
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result import ContrastResult, RecordingAgreement
@@ -159,7 +161,7 @@ def test_a_change_that_is_not_confirmed_is_still_a_difference() -> None:
     """Numbers of the second set alone, held out, say so; what comes closest is named as such."""
     sets = two_sets([run("a", 1)], [run("b", 2, truth=stiffer(2.0))], arm(1).configuration)
     scopes = [sets.first, sets.second]
-    changes = changes_between(sets.data, scopes, [sets.second], LEFT_OUT)
+    changes = changes_between(Catalogue(sets.data, LEFT_OUT).differing(scopes, [sets.second]))
     doubtful = replace(changes, accepted={}, doubtful={**changes.accepted, **changes.doubtful})
     result = contrast_of(sets, doubtful, [], LEFT_OUT)
     assert result.differs and result.causes == ()
@@ -214,7 +216,7 @@ def differing(
     data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]
 ) -> dict[int, RecordingAgreement]:
     """Recordings that differ, by their number."""
-    agreements = agreement(replace(data, regression=world(data, seed, change)))
+    agreements = agreement(Catalogue(replace(data, regression=world(data, seed, change))))
     assert [recording.bag for recording in agreements] == [
         part.bag for part in data.prepared.session.parts
     ]
@@ -260,4 +262,5 @@ def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
 
 
 def test_one_recording_is_held_against_nothing(data: Baseline) -> None:
-    assert agreement(replace(data, motions=data.motions[:1])) == ()
+    one = SimpleNamespace(data=replace(data, motions=data.motions[:1]))
+    assert agreement(one) == ()

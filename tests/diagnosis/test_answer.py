@@ -90,7 +90,7 @@ def test_much_that_stays_is_not_nothing() -> None:
 # Torques of 10 and 1 N m rms.
 DATA = SimpleNamespace(
     joints=("joint_1", "joint_2"),
-    rows=(SimpleNamespace(torque=np.full(4, 10.0)), SimpleNamespace(torque=np.full(4, 1.0))),
+    torque_sizes=(10.0, 1.0),
 )
 
 

@@ -29,9 +29,9 @@ def with_effort(data: Baseline, effort: np.ndarray) -> Baseline:
     (motion,) = changed.prepared.motions
     rows = tuple(
         replace(row, torque=motion.decimation.whole(motion.torque[:, j])[motion.kept[:, j]])
-        for j, row in enumerate(data.rows)
+        for j, row in enumerate(data.regression.joints)
     )
-    return replace(changed, rows=rows).on(changed.motions)
+    return replace(changed, regression=replace(data.regression, joints=rows))
 
 
 def later(effort: np.ndarray, delays: list[float], rate: float) -> np.ndarray:
@@ -69,8 +69,8 @@ def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> N
     _, plain = aligned(data)
     shifted, chain = aligned(with_effort(data, later(effort, [delay, delay], arm.rate)))
     assert chain.shift - plain.shift == pytest.approx(delay, abs=0.03 * PERIOD)
-    rows = [row.torque for row in shifted.rows]
-    for restored, original in zip(rows, aligned(data)[0].rows, strict=True):
+    rows = [row.torque for row in shifted.regression.joints]
+    for restored, original in zip(rows, aligned(data)[0].regression.joints, strict=True):
         inner = slice(20, -20)
         error = np.std(restored[inner] - original.torque[inner])
         assert error < 0.01 * np.std(original.torque)

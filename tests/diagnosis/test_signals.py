@@ -136,10 +136,10 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
     leads = np.array([LEAD if joint in softer else np.nan for joint in (0, 1)])
     changed = friction.TurningFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
     (new,), (old,), rows = changed.motions, data.motions, []
-    for joint, row in enumerate(data.rows):
+    for joint, row in enumerate(data.regression.joints):
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
         rows.append(replace(row, torque=row.torque + data.counting(joint, [extra[:, 0]])))
-    robot = replace(data, rows=tuple(rows)).on(data.motions)
+    robot = replace(data, regression=replace(data.regression, joints=tuple(rows)))
     turning = friction.turning_friction(robot)
     if len(softer) == 1:
         assert turning is None

@@ -14,14 +14,10 @@ from idim_iv_ros.diagnosis.refit.held_out import (
     held_out,
     interval,
     resampled,
+    row_blocks,
     time_blocks,
 )
-from idim_iv_ros.diagnosis.refit.noise_floor import (
-    NoiseFloor,
-    Repeat,
-    difference_energy,
-    find_repeats,
-)
+from idim_iv_ros.diagnosis.refit.noise_floor import Repeat, difference_energy, find_repeats
 from idim_iv_ros.diagnosis.where import (
     Axis,
     axes_of,
@@ -204,32 +200,32 @@ def test_folds_of_one_recording_are_its_quarters() -> None:
 def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
     regression = _regression(3, 1, 0.4)
     fit = regression.fit(steps=0)
-    floor = NoiseFloor(0.5, "repeats", "")
-    tested = held_out(_data(3), regression, fit, ["+x[joint_1]"], [floor], given=np.zeros(3))
-    assert tested.names == ("given", "refit", "+x[joint_1]")
+    tested = held_out(_data(3), regression, fit, ["+x[joint_1]"], given=np.zeros(3))
+    assert [stage.name for stage in tested.stages] == ["given", "refit", "+x[joint_1]"]
     matrix = regression.extended[0].matrix
     torque = regression.joints[0].torque
-    fold = np.repeat(np.arange(3), ROWS)
+    fold, (blocks,) = np.repeat(np.arange(3), ROWS), row_blocks(_data(3))
     for stage, width in ((1, 3), (2, 4)):
+        expected = torque.copy()
         for k in range(3):
             out = fold == k
             values = np.linalg.lstsq(matrix[~out, :width], torque[~out], rcond=None)[0]
-            expected = torque[out] - matrix[out, :width] @ values
-            np.testing.assert_allclose(tested.residuals[stage][0][out], expected, atol=2e-4)
-    np.testing.assert_array_equal(tested.residuals[0][0], torque)
-    gain, helped, folds = tested.gain(0)
+            expected[out] -= matrix[out, :width] @ values
+        sums = tested.sums[stage][0][:, 0]
+        np.testing.assert_allclose(sums, block_sums(blocks, expected**2), rtol=1e-3)
+    np.testing.assert_array_equal(tested.sums[0][0][:, 0], block_sums(blocks, torque**2))
+    gain, helped, folds = tested.gains[0]
     assert (helped, folds) == (3, 3)
     assert gain == pytest.approx(0.16 / 0.41, abs=0.05)
 
 
 def test_shrinkage_reaches_the_floor_and_its_interval_covers_the_truth() -> None:
-    floor = [NoiseFloor(0.5, "repeats", "")]
     true = np.sqrt(0.25 + 0.16)
     hits = 0
     for seed in range(40):
         regression = _regression(3, seed, 0.4)
-        tested = held_out(_data(3), regression, regression.fit(steps=0), ["+x"], floor)
-        gap = tested.gap(tested.refit, tested.refit + 1, 0)
+        tested = held_out(_data(3), regression, regression.fit(steps=0), ["+x"])
+        gap = tested.gap(0, 0, 0.5)
         assert gap.before == pytest.approx(true, abs=0.06)
         assert gap.ci95 is not None
         hits += gap.ci95[0] <= 1.0 <= gap.ci95[1]

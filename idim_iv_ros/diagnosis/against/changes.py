@@ -21,7 +21,6 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
-from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray, IntArray
 
 
@@ -44,20 +43,13 @@ class Changes:
         return tuple(term for term in self.selection.model.terms if term.candidate.scope is None)
 
 
-def changes_between(
-    data: Baseline,
-    scopes: Sequence[Scope],
-    number_scopes: Sequence[Scope],
-    without: Collection[str] = (),
-    taken_out: Sequence[Term] = (),
-) -> Changes:
+def changes_between(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Changes:
     """Search with free numbers for all recordings, so that errors of the nominal model cancel.
 
-    `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from all others;
-    `without`: effects that are left out of the catalogue; `taken_out`: terms of another search
-    whose torque is taken out first.
+    `catalogue`: with candidates that act in some recordings only; `taken_out`: terms of another
+    search whose torque is taken out first.
     """
-    catalogue = Catalogue(data, without, scopes=scopes, number_scopes=number_scopes)
+    data = catalogue.data
     ledger = torque_ledger(data, free=True)
     gap = list(ledger.gap)
     for term in taken_out:
@@ -176,26 +168,23 @@ def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Es
 
 
 def agreement(
-    data: Baseline,
-    taken_out: Sequence[Term] = (),
-    without: Collection[str] = (),
+    catalogue: Catalogue, taken_out: Sequence[Term] = ()
 ) -> tuple[RecordingAgreement, ...]:
     """Let numbers differ in every recording; one entry for each of several, empty of one.
 
     Of two recordings that differ the second is named: nothing says which of them is right.
 
-    `taken_out`: structural causes, whose torque is taken out first;
-    `without`: effects that are left out of the catalogue.
+    `catalogue`: of the session; `taken_out`: structural causes, whose torque is taken out first.
     """
+    data = catalogue.data
     count = len(data.motions)
     if count < 2:
         return ()
     scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
-    structural = {effect.name for effect in STRUCTURAL}
-    changes = changes_between(data, (), scopes, {*without, *structural}, taken_out)
+    changes = changes_between(catalogue.differing((), scopes), taken_out)
     differences: list[list[tuple[FloatArray, Difference]]] = [[] for _ in range(count)]
     for change in number_changes(changes):
-        shares = rms_of(data, change.terms, change.recordings) / np.array(data.torque_sizes)
+        shares = rms_of(data, change.terms, change.recordings) / data.torque_sizes
         joint = None if change.joint is None else data.joints[change.joint]
         for number in change.recordings:
             difference = Difference(change.effect.name, joint, change.parameters)

@@ -22,12 +22,12 @@ from idim_iv_ros.diagnosis.against.changes import (
     quarters,
 )
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.likelihood import rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.likelihood import Columns, rms
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
 from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
 from idim_iv_ros.recording.recording import Recording
@@ -54,7 +54,7 @@ def contrasted(
     if len(sets.second) > 1:
         numbers += [frozenset({number}) for number in sorted(sets.second)]
     scopes = [sets.first, sets.second]
-    changes = changes_between(sets.data, scopes, numbers, without)
+    changes = changes_between(Catalogue(sets.data, without).differing(scopes, numbers))
     return contrast_of(sets, changes, disagreeing, without)
 
 
@@ -227,7 +227,7 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     after = model.residuals
     before = [rest.copy() for rest in after]
     for term in model.terms:
-        for joint, moved in _moved(sets, changes, term).items():
+        for joint, moved in _moved(sets, term).items():
             before[joint] += moved
             if term in changes.doubtful:
                 after[joint] += moved
@@ -263,15 +263,16 @@ def _with_numbers_of_second(
     return made
 
 
-def _moved(sets: TwoSets, changes: Changes, term: Term) -> dict[int, FloatArray]:
+def _moved(sets: TwoSets, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    candidate, shape, columns, sign = term.candidate, term.shape, term.columns, 1.0
-    if candidate.scope is None:
+    shape, sign = term.shape, 1.0
+    columns: Columns = term.columns
+    if term.candidate.scope is None:
         return {}
     if side_of(sets, term) == "reference":
         if shape is None:
             return {}  # a number
-        columns = dict(changes.selection.comparison.catalogue.everywhere(candidate, shape))
+        (columns,) = rows_of(sets.data, term.effect, term.place, [shape])
         sign = -1.0
     return {
         joint: sign * (rows @ term.coefficients) * sets.inside[joint]

@@ -17,7 +17,6 @@ from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, with_offsets
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
-from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.signals import Motion
@@ -59,7 +58,7 @@ class TwoSets:
     @cached_property
     def sizes(self) -> FloatArray:
         """RMS (n_joints,) of the torque in the second set, N m (N)."""
-        rows = zip(self.data.rows, self.inside, strict=True)
+        rows = zip(self.data.regression.joints, self.inside, strict=True)
         return np.maximum([rms(joint.torque[inside]) for joint, inside in rows], 1e-300)
 
 
@@ -106,23 +105,11 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
     factors = (*one.cutoffs.factors, *other.cutoffs.factors)
+    rows = zip(first.regression.joints, second.regression.joints, strict=True)
     both = replace(
         first,
         prepared=_of_session(one, session, factors, (*one.motions, *other.motions)),
-        rows=tuple(_rows(a, b) for a, b in zip(first.rows, second.rows, strict=True)),
+        regression=replace(first.regression, joints=tuple(a.joined([b]) for a, b in rows)),
         sticking=first.sticking and second.sticking,
     )
     return both.on((*first.motions, *second.motions))
-
-
-def _rows(first: JointRows, second: JointRows) -> JointRows:
-    start = len(first)
-    later = tuple(slice(start + segment.start, start + segment.stop) for segment in second.segments)
-    return JointRows(
-        np.concatenate([first.matrix, second.matrix]),
-        np.concatenate([first.torque, second.torque]),
-        first.columns,
-        (*first.segments, *later),
-        first.name,
-        left_out=first.left_out or second.left_out,
-    )

@@ -71,9 +71,8 @@ def structural_causes(
         zip(explanation.effects, simulations, strict=True)
     ):
         term, place = judgement.term, judgement.term.place
-        stage = tested.refit + number
-        gap = tested.gap(stage, stage + 1, place.joint)
-        gain, helped, folds = tested.gain(number)
+        gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
+        gain, helped, folds = tested.gains[number]
         start = explanation.block(number).start
         numbers = parameters_of(data, explanation.regression, fit, term, start)
         cause = Cause(
@@ -212,7 +211,7 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
 
 def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
-    made = []
+    made, last = [], explanation.tested.stages[-1]
     for judgement in explanation.doubtful:
         term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
@@ -220,7 +219,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
         joints = [data.joints[joint] for joint in place.joints]
         numbers = data.in_units_at(place.joint, numbers_of(term, explanation))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
-        rest = explanation.tested.rms(-1, place.joint)
+        rest = last.torque_rms[joints[0]]
         made.append(
             Hint(
                 effect=term.key[0],
@@ -270,8 +269,7 @@ def _taken(cause: Cause, data: Baseline) -> float:
         )
     taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
     joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
-    whole = sum(float(np.mean(data.rows[joint].torque ** 2)) for joint in joints)
-    return taken / max(whole, 1e-300)
+    return taken / sum(float(data.torque_sizes[joint]) ** 2 for joint in joints)
 
 
 def verdict_of(

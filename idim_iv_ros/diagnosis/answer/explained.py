@@ -100,7 +100,7 @@ def explained(data: Baseline, selection: Selection) -> Explained:
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
-            if explanation.tested.gain(number)[0] <= 0.0
+            if explanation.tested.gains[number][0] <= 0.0
         }
         if not idle:
             return explanation
@@ -139,7 +139,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         regression,
         fits[-1],
         [f"+{e.term.effect.name}[{data.joints[e.term.place.joint]}]" for e in effects],
-        floors,
         repeats,
         data.prepared.given,
         interleaved=any(effect.term.effect.family == "time" for effect in effects),
@@ -338,7 +337,7 @@ def unexplained_residual(
 def _described(data: Baseline, explanation: Explained, term: Term) -> Unexplained:
     """A term outside the catalogue, with its share of the energy of the whitened residual."""
     joint = term.place.joint
-    noise, segments = explanation.whole.noise_models[joint], data.rows[joint].segments
+    noise, segments = explanation.whole.noise_models[joint], data.regression.joints[joint].segments
     before, after = (
         float(np.sum(noise.standardized(fit.residuals[joint], segments) ** 2))
         for fit in (explanation.fit, explanation.whole)
@@ -353,7 +352,7 @@ def _described(data: Baseline, explanation: Explained, term: Term) -> Unexplaine
 
 def _events(data: Baseline, fit: Fit, joint: int) -> Unexplained | None:
     """Short events that do not repeat: the whitened residual has far too many large values."""
-    rows = data.rows[joint]
+    rows = data.regression.joints[joint]
     white = fit.noise_models[joint].standardized(fit.residuals[joint], rows.segments)
     energy = white**2
     total = float(energy.sum())

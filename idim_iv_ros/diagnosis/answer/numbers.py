@@ -16,7 +16,7 @@ import scipy
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of, with_parameters
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.diagnosis.result import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
@@ -52,7 +52,7 @@ def parameters_of(
     inner = fit.coefficient_covariance[np.ix_(block, block)]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     numbers = effect.parameters(shape, coefficients, fixed)
-    near = _near(effect, shape, term.place, operating_range(data)) if effect.free_shape else []
+    near = _near(effect, shape, term.place, data.covered) if effect.free_shape else []
     if not near:
         return numbers
     covariance, further = _with_free_shape(data, regression, fit, term, block, near)

@@ -1,6 +1,7 @@
 """What may close the gap: numbers of the model, effects of the catalogue, signals, free curves."""
 
 from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -11,10 +12,10 @@ from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.nominal_errors import numbers_not_given
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
-from idim_iv_ros.diagnosis.likelihood import Columns
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, operating_range, rows_of
+from idim_iv_ros.diagnosis.likelihood import Columns, width_of
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.refit.refit import unit_gravity_rows
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Effect, Place, Shape
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -104,9 +105,7 @@ class Catalogue:
     `not_given`, and no candidates.
 
     `without`: effects that are left out; `hidden`: effects and joints that the recording cannot
-    show; `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from the
-    others. What all recordings share then has free numbers, and those that base parameters hold are
-    no candidates.
+    show.
     """
 
     def __init__(
@@ -114,38 +113,48 @@ class Catalogue:
         data: Baseline,
         without: Collection[str] = (),
         hidden: Collection[tuple[str, int]] = (),
-        scopes: Sequence[Scope] = (),
-        number_scopes: Sequence[Scope] = (),
     ) -> None:
         self.data = data
-        self.covered: OperatingRange = operating_range(data)
         model = data.prepared.model
         axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
-        joints = range(len(data.joints))
-        still = frozenset(joint for joint in joints if too_little(joint, self.covered))
-        missing = [] if number_scopes else numbers_not_given(data.prepared)
+        still = {joint for joint in range(len(data.joints)) if too_little(joint, data.covered)}
+        missing = numbers_not_given(data.prepared)
         not_given = frozenset((kind, joint) for kind, joint in missing if joint not in still)
         self.space = ParameterSpace(model, model.given, axes, not_given)
         self._hidden = frozenset(hidden)
-        effects = [
+        self._numbers = [] if data.prepared.why_no_given else self._parametric(without, still)
+        self.not_given = tuple(
+            number for number in self._numbers if number.is_not_given(self.space)
+        )
+        self.candidates = (
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
-        ]
-        numbers = [] if data.prepared.why_no_given else self._numbers(without, still)
-        self.not_given = tuple(number for number in numbers if number.is_not_given(self.space))
-        numbers = [number for number in numbers if number not in self.not_given]
-        common = [
-            number
-            for number in numbers
-            if not number_scopes or not getattr(number.effect, "in_base_parameters", True)
-        ]
-        self.candidates = (
-            *effects,
             *self._effects([CommonShift(), TiltedMoments(), GainRipple()], Kind.SIGNAL),
-            *common,
+            *(number for number in self._numbers if number not in self.not_given),
+        )
+
+    def differing(self, scopes: Sequence[Scope], number_scopes: Sequence[Scope]) -> "Catalogue":
+        """Return the same with candidates that act in some recordings only.
+
+        What all recordings share has free numbers, and those that base parameters hold are no
+        candidates.
+
+        `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from the
+        others; effects are no candidates where there are no `scopes` for them.
+        """
+        kinds = {Kind.EFFECT, Kind.CURVE} if scopes else {Kind.CURVE}
+        effects = [candidate for candidate in self.candidates if candidate.kind in kinds]
+        numbers = self._numbers
+        made = copy(self)
+        made.space, made.not_given = replace(self.space, not_given=frozenset()), ()
+        made.candidates = (
+            *effects,
+            *(candidate for candidate in self.candidates if candidate.kind is Kind.SIGNAL),
+            *(n for n in numbers if not getattr(n.effect, "in_base_parameters", True)),
             *(self._scoped(effect, scope) for scope in scopes for effect in effects),
             *(self._scoped(number, scope) for scope in number_scopes for number in numbers),
         )
+        return made
 
     def _scoped(self, candidate: Candidate, scope: Scope) -> Candidate:
         """Let a candidate act in some recordings only."""
@@ -157,10 +166,6 @@ class Catalogue:
     def _inside(self, joint: int, scope: Scope) -> BoolArray:
         """Rows (r_j,) of some recordings."""
         return np.isin(self.data.recordings[joint], list(scope))
-
-    def everywhere(self, candidate: Candidate, shape: Shape) -> Columns:
-        """Rows (r_j, w) of an effect in one shape, in all recordings."""
-        return self.columns_of(replace(candidate, scope=None), [shape])[0]
 
     def columns_of(self, candidate: Candidate, shapes: Sequence[Shape]) -> list[Columns]:
         """Rows (r_j, w) of an effect in other shapes, in its scope."""
@@ -194,42 +199,38 @@ class Catalogue:
         for effect in effects:
             for place in effect.places(len(self.data.joints)):
                 hidden = (effect.name, place.joint) in self._hidden
-                if hidden or cannot_show(effect, place.joint, self.covered):
+                if hidden or cannot_show(effect, place.joint, self.data.covered):
                     continue
-                for branch in effect.branches(effect.grid(place, self.covered)):
-                    made += self.of_shapes(kind, effect, place, list(branch))
+                for branch in effect.branches(effect.grid(place, self.data.covered)):
+                    made += self._of_shapes(kind, effect, place, list(branch))
         return made
 
-    def of_shapes(
+    def _of_shapes(
         self, kind: Kind, effect: Effect, place: Place, shapes: Sequence[Shape]
     ) -> list[Candidate]:
         """Candidates of these shapes, one for each width; shapes without finite torque are out."""
-        if not shapes:
-            return []
-        key = effect.name, place, tuple(shapes)
-        made: list[Candidate] = self.data.candidates.setdefault(key, [])
-        if made:
-            return made
         rows = rows_of(self.data, effect, place, shapes, np.float32)
-        widths = [next(iter(table.values())).shape[1] for table in rows]
-        for width in sorted(set(widths)):
-            chosen = [
-                k
-                for k, table in enumerate(rows)
-                if widths[k] == width
-                and all(np.abs(part).max(initial=0.0) < _LARGEST for part in table.values())
-            ]
-            if not chosen:
-                continue
-            lines = {
-                joint: np.concatenate([rows[k][joint].T for k in chosen], dtype=np.float32)
-                for joint in rows[chosen[0]]
-            }
-            kept = tuple(shapes[k] for k in chosen)
-            made.append(Candidate(kind, effect, place, kept, (), lines, width))
-        return made
+        of_width: dict[int, list[int]] = {}
+        for k, table in enumerate(rows):
+            if all(np.abs(part).max(initial=0.0) < _LARGEST for part in table.values()):
+                of_width.setdefault(width_of(table), []).append(k)
+        return [
+            Candidate(
+                kind,
+                effect,
+                place,
+                shapes=tuple(shapes[k] for k in chosen),
+                changes=(),
+                lines={
+                    joint: np.concatenate([rows[k][joint].T for k in chosen], dtype=np.float32)
+                    for joint in rows[0]
+                },
+                width=width,
+            )
+            for width, chosen in sorted(of_width.items())
+        ]
 
-    def _numbers(self, without: Collection[str], still: Collection[int]) -> list[Candidate]:
+    def _parametric(self, without: Collection[str], still: Collection[int]) -> list[Candidate]:
         units = change_rows(self.data, self.space)
         made = []
         for effect in PARAMETRIC:
@@ -268,7 +269,7 @@ class Catalogue:
         assert place is not None and shape is not None
         if not effect.admissible(shape, coefficients):
             return "its numbers have a sign or size that physics excludes"
-        return effect.impossible(shape, coefficients, place.joint, self.covered)
+        return effect.impossible(shape, coefficients, place.joint, self.data.covered)
 
 
 def change_rows(data: Baseline, space: ParameterSpace) -> tuple[FloatArray, ...]:

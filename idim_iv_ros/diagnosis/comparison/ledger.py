@@ -80,7 +80,7 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     """
     given = None if free else data.prepared.given
     regression, joints = data.regression, data.regression.joints
-    sizes = np.array(data.torque_sizes)
+    sizes = data.torque_sizes
     model = data.prepared.model
     if given is None:
         values = regression.fit().values

@@ -38,13 +38,13 @@ def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term
     highest = ModelWithTerms(comparison.nominal, tuple(terms)).level
     for step in _STEPS:
         for _ in range(_MOVES):
-            near = effect.neighbours(term.shape, step, place, comparison.catalogue.covered)
+            near = effect.neighbours(term.shape, step, place, comparison.catalogue.data.covered)
             best = _best_of(comparison, terms, number, near)
             if best is None or best[0] < highest + _LEAST_GAIN:
                 break
             highest, term = best
     while True:
-        longer = effect.longer(term.shape, place, comparison.catalogue.covered)
+        longer = effect.longer(term.shape, place, comparison.catalogue.data.covered)
         best = _best_of(comparison, terms, number, [shape for shape, _ in longer])
         if best is None or best[0] < highest + settings.LEAST_EVIDENCE_OF_TERM:
             return term

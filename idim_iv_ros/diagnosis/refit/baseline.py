@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +45,10 @@ class Baseline:
     `commands`: recorded, beside the configured law; None where they cannot be compared;
     `sticking`: whether it is known where joints stick: the closed loop of every recording is
     simulated; `regression`: of the torque on the smooth motion; `shift`: s by which the effort of
-    the rows is later than recorded.
+    its rows is later than recorded.
     """
 
     prepared: PreparedRegression
-    rows: tuple[JointRows, ...]
     estimate: IdimIvEstimate
     sources: InstrumentSources
     commands: LawCommands | None
@@ -73,11 +72,6 @@ class Baseline:
         """(r_j,) of each joint: which decimated sample of its recording each row is."""
         return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
 
-    @cached_property
-    def candidates(self) -> dict[tuple[str, Place, tuple[Shape, ...]], Any]:
-        """Candidates that catalogues made of an effect at a place: a further search has some."""
-        return {}
-
     def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
         """Return the same on other motions, with friction that sticks as theirs does."""
         model, parts = self.prepared.model, [[] for _ in self.joints]  # type: ignore[var-annotated]
@@ -87,16 +81,21 @@ class Baseline:
                 matrix[:, self.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
                 parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
         joints = tuple(
-            replace(rows, matrix=np.concatenate(part), position=None, instrument_matrix=None)
-            for rows, part in zip(self.rows, parts, strict=True)
+            replace(rows, matrix=np.concatenate(part), position=None)
+            for rows, part in zip(self.regression.joints, parts, strict=True)
         )
-        regression = Regression(joints, len(model.base.columns))
-        return replace(self, motions=motions, regression=regression)
+        return replace(self, motions=motions, regression=replace(self.regression, joints=joints))
+
+    def later(self, shift: float) -> "Baseline":
+        """Return the same with the effort of the rows `shift` seconds later than recorded."""
+        rows = later(self.regression.joints, self.prepared.motions, shift)
+        return replace(self, regression=replace(self.regression, joints=rows), shift=shift)
 
     @property
     def left_out(self) -> frozenset[int]:
         """Joints whose torque says nothing of the robot."""
-        return frozenset(joint for joint, rows in enumerate(self.rows) if rows.left_out)
+        joints = enumerate(self.regression.joints)
+        return frozenset(joint for joint, rows in joints if rows.left_out)
 
     @property
     def row_rate(self) -> float:
@@ -104,9 +103,9 @@ class Baseline:
         return self.prepared.cutoffs.row_rate
 
     @property
-    def torque_sizes(self) -> tuple[float, ...]:
-        """RMS of the recorded torque of each joint, N m (N)."""
-        return tuple(max(rms(rows.torque), 1e-300) for rows in self.rows)
+    def torque_sizes(self) -> FloatArray:
+        """RMS (n_joints,) of the recorded torque of each joint, N m (N)."""
+        return np.maximum([rms(rows.torque) for rows in self.regression.joints], 1e-300)
 
     @property
     def slowest(self) -> FloatArray:
@@ -115,10 +114,38 @@ class Baseline:
         least = settings.LEAST_SPEED_SHARE * peaks
         return np.asarray(np.maximum(self.prepared.minimum_speed, least))
 
+    @cached_property
+    def covered(self) -> OperatingRange:
+        """What the recordings cover."""
+        motions, kinds = self.motions, self.prepared.model.robot.joint_types
+
+        def largest(name: str) -> FloatArray:
+            return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], 0))
+
+        return OperatingRange(
+            low=np.min([m.position.min(axis=0) for m in motions], axis=0),
+            high=np.max([m.position.max(axis=0) for m in motions], axis=0),
+            slowest=self.slowest,
+            fastest=largest("velocity"),
+            mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
+            load=largest("load"),
+            torque=largest("torque"),
+            inertia=np.mean(
+                [np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0
+            ),
+            duration=float(max(m.time[-1] for m in motions)),
+            longest=float(max(m.elapsed[-1] for m in motions)),
+            row_rate=self.row_rate,
+            lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
+            sticking=self.sticking,
+            left_out=self.left_out,
+        )
+
     def columns_of(self, joint: int, *kinds: str) -> IntArray:
         """Places of kinds of base parameters (Fc) of a joint among the columns of its rows."""
         names, wanted = self.prepared.model.base.names, {f"{kind}{joint + 1}" for kind in kinds}
-        return np.flatnonzero([names[column] in wanted for column in self.rows[joint].columns])
+        columns = self.regression.joints[joint].columns
+        return np.flatnonzero([names[column] in wanted for column in columns])
 
     def unit_at(self, joint: int, unit: str) -> str:
         """Translate units, also within words, from those of a joint that turns, torque in N m."""
@@ -194,7 +221,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     links, whole = _parameters(prepared, estimate.linear.values)
     motions, sticking = smooth_motions(prepared, estimate, links, whole)
     measured = Regression(rows, len(prepared.model.base.columns))
-    made = Baseline(prepared, rows, estimate, sources, commands, motions, sticking, measured, shift)
+    made = Baseline(prepared, estimate, sources, commands, motions, sticking, measured, shift)
     return made.on(motions)
 
 
@@ -247,32 +274,6 @@ def nominal_residuals(data: Baseline) -> tuple[FloatArray, ...] | None:
     """Measured torque less that of the nominal model: (r_j,) N m (N) of each joint."""
     given = data.prepared.given
     return None if given is None else tuple(rows.residual(given) for rows in data.regression.joints)
-
-
-def operating_range(data: Baseline) -> OperatingRange:
-    """What the recordings cover."""
-    motions = data.motions
-    kinds = data.prepared.model.robot.joint_types
-
-    def largest(name: str) -> FloatArray:
-        return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], axis=0))
-
-    return OperatingRange(
-        low=np.min([m.position.min(axis=0) for m in motions], axis=0),
-        high=np.max([m.position.max(axis=0) for m in motions], axis=0),
-        slowest=data.slowest,
-        fastest=largest("velocity"),
-        mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
-        load=largest("load"),
-        torque=largest("torque"),
-        inertia=np.mean([np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0),
-        duration=float(max(m.time[-1] for m in motions)),
-        longest=float(max(m.elapsed[-1] for m in motions)),
-        row_rate=data.row_rate,
-        lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
-        sticking=data.sticking,
-        left_out=data.left_out,
-    )
 
 
 def rows_of(

@@ -6,14 +6,14 @@ independent.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise_models
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat
+from idim_iv_ros.diagnosis.refit.noise_floor import Repeat
 from idim_iv_ros.diagnosis.result import Gap, Stage
 from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
@@ -76,7 +76,7 @@ def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
     return block_sums(blocks, np.column_stack([residual**2, np.ones(len(residual))]))
 
 
-def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> Stage:
+def stage_of(name: str, sums: Sequence[FloatArray], joints: Sequence[str]) -> Stage:
     """Stage from the `energies` (b, 2) of each joint, its tracking not yet known."""
     pairs = list(zip(joints, sums, strict=True))
     return Stage(
@@ -90,67 +90,24 @@ def stage_of(name: str, joints: Sequence[str], sums: Sequence[FloatArray]) -> St
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Residuals of every stage at rows that its fit did not see, (r_j,) for each joint, N m (N).
+    """What every stage leaves at rows that its fit did not see.
 
-    `names`: of the stages: ``given`` where there is one, ``refit``, then one for each effect;
-    `blocks`: of time, for the bootstrap; `whitened`: residuals of unit variance, of the stages
-    without ``given``; `moved_joints`: for each effect those whose torque it moves; `note`: how the
-    data were divided.
+    `stages`: ``given`` where there is one, ``refit``, then one for each effect, their tracking not
+    yet known; `sums`: `energies` (b, 2) of each stage and joint; `gains`: of each effect, beside
+    those before it, the share of the energy of the whitened residual that it takes at the joints
+    whose torque it moves, and in how many folds it helps, of how many; `note`: how the data were
+    divided.
     """
 
-    joints: tuple[str, ...]
-    names: tuple[str, ...]
-    folds: tuple[IntArray, ...]
-    blocks: tuple[IntArray, ...]
-    residuals: tuple[tuple[FloatArray, ...], ...]
-    whitened: tuple[tuple[FloatArray, ...], ...]
-    moved_joints: tuple[tuple[int, ...], ...]
-    floors: tuple[NoiseFloor, ...]
+    stages: tuple[Stage, ...]
+    sums: tuple[tuple[FloatArray, ...], ...]
+    gains: tuple[tuple[float, int, int], ...]
     note: str
 
-    @property
-    def refit(self) -> int:
-        """Which stage is the refit."""
-        return self.names.index("refit")
-
-    @cached_property
-    def _energies(self) -> list[list[FloatArray]]:
-        """For each stage and joint, the sums of squares and of rows in each block, (b, 2)."""
-        return [
-            [energies(*parts) for parts in zip(stage, self.blocks, strict=True)]
-            for stage in self.residuals
-        ]
-
-    def rms(self, stage: int, joint: int) -> float:
-        """RMS of one stage at one joint, N m (N)."""
-        return float(_roots(self._energies[stage][joint].sum(axis=0)))
-
-    def stages(self) -> tuple[Stage, ...]:
-        """All stages, their tracking not yet known."""
-        return tuple(
-            stage_of(name, self.joints, sums)
-            for name, sums in zip(self.names, self._energies, strict=True)
-        )
-
-    def gap(self, before: int, after: int, joint: int) -> Gap:
-        """Gap of two stages at a joint."""
-        one, two = (self._energies[stage][joint] for stage in (before, after))
-        return gap_of(one, two, self.floors[joint].sigma)
-
-    def gain(self, effect: int) -> tuple[float, int, int]:
-        """Share of the whitened residual's energy that an effect takes; folds it helps, of all.
-
-        Beside the effects before it, over the joints whose torque it moves.
-        """
-        joints = self.moved_joints[effect]
-        count = 1 + max(int(self.folds[j].max()) for j in joints)
-        before, after = (
-            np.sum([np.bincount(self.folds[j], stage[j] ** 2, count) for j in joints], axis=0)
-            for stage in self.whitened[effect : effect + 2]
-        )
-        present = before > 0.0
-        helped = int(np.sum(after[present] < before[present]))
-        return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
+    def gap(self, effect: int, joint: int, floor: float | None) -> Gap:
+        """Gap at a joint without and with one of the effects, beside those before it."""
+        stage = len(self.stages) - len(self.gains) - 1 + effect
+        return gap_of(self.sums[stage][joint], self.sums[stage + 1][joint], floor)
 
 
 def gap_of(before: FloatArray, after: FloatArray, floor: float | None = None) -> Gap:
@@ -170,7 +127,6 @@ def held_out(
     extended: Regression,
     fit: Fit,
     labels: Sequence[str],
-    floors: Sequence[NoiseFloor],
     repeats: Sequence[Repeat] = (),
     given: FloatArray | None = None,
     *,
@@ -189,28 +145,41 @@ def held_out(
     predicted from another part of it.
     """
     folds, note = folds_of(data, repeats, interleaved=interleaved)
-    ends = extended.parameters + np.cumsum([0, *extended.widths])
+    blocks = row_blocks(data)
     white = white_noise_models(extended.joints, fit.residuals)
     plain, whitened = (
-        predicted(extended, noise_models, folds, ends) for noise_models in (white, fit.noise_models)
+        predicted(extended, noise_models, folds) for noise_models in (white, fit.noise_models)
     )
     stages = [
-        tuple(rest * noise.sigma for rest, noise in zip(stage, white, strict=True))
-        for stage in plain
+        [rest * noise.sigma for rest, noise in zip(stage, white, strict=True)] for stage in plain
     ]
     if given is not None:
-        stages.insert(0, tuple(rows.residual(given) for rows in extended.joints))
+        stages.insert(0, [rows.residual(given) for rows in extended.joints])
+    names = (*([] if given is None else ["given"]), "refit", *labels)
+    sums = tuple(tuple(map(energies, stage, blocks)) for stage in stages)
     return HeldOut(
-        joints=data.joints,
-        names=(*([] if given is None else ["given"]), "refit", *labels),
-        folds=folds,
-        blocks=row_blocks(data),
-        residuals=tuple(stages),
-        whitened=whitened,
-        moved_joints=tuple(tuple(sorted(block)) for block in extended.added),
-        floors=tuple(floors),
+        stages=tuple(stage_of(*pair, data.joints) for pair in zip(names, sums, strict=True)),
+        sums=sums,
+        gains=tuple(
+            _gain(whitened[effect : effect + 2], folds, sorted(block))
+            for effect, block in enumerate(extended.added)
+        ),
         note=note,
     )
+
+
+def _gain(
+    stages: Sequence[Sequence[FloatArray]], folds: Sequence[IntArray], joints: Sequence[int]
+) -> tuple[float, int, int]:
+    """Share of the energy that the second of two stages takes; folds in which it does, of all."""
+    count = 1 + max(int(fold.max()) for fold in folds)
+    before, after = (
+        np.sum([np.bincount(folds[j], stage[j] ** 2, count) for j in joints], axis=0)
+        for stage in stages
+    )
+    present = before > 0.0
+    helped = int(np.sum(after[present] < before[present]))
+    return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
 
 
 def row_blocks(data: Baseline, length: float | None = None) -> tuple[IntArray, ...]:
@@ -252,14 +221,13 @@ def predicted(
     extended: Regression,
     noise_models: Sequence[AutoregressiveModel],
     folds: Sequence[IntArray],
-    ends: IntArray,
-) -> tuple[tuple[FloatArray, ...], ...]:
+) -> list[list[FloatArray]]:
     """For each stage, the residual (r_j,) of each joint, whitened, with fits without its fold.
 
     The R factor of the rows without a fold is that of the other folds' R factors, and its leading
     columns solve every stage: coefficients of blocks after a stage are zero.
     """
-    every = extended.extended
+    every, ends = extended.extended, extended.parameters + np.cumsum([0, *extended.widths])
     tables = [
         noise.standardized(np.column_stack([rows.matrix, rows.torque]), rows.segments)
         for rows, noise in zip(every, noise_models, strict=True)
@@ -280,7 +248,7 @@ def predicted(
             for rest, rows, table, fold in zip(stage, every, tables, folds, strict=True):
                 inside_fold = fold == number
                 rest[inside_fold] -= table[inside_fold, :-1] @ solution[rows.columns]
-    return tuple(map(tuple, stages))
+    return stages
 
 
 def _roots(energies: FloatArray) -> FloatArray:

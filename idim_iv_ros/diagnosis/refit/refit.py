@@ -202,7 +202,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
     if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
         return None
     parts = zip(nominal_residuals(data) or (), row_blocks(data), strict=True)
-    weightless = stage_of("given", data.joints, [energies(*part) for part in parts])
+    weightless = stage_of("given", [energies(*part) for part in parts], data.joints)
     deviation = np.sqrt(np.diag(heavy.coefficient_covariance))
     return MissingGravity(heavy.coefficients, deviation, wald, weightless)
 

@@ -8,12 +8,12 @@ is longer than that is a cause itself.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, later
+from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result import (
     Cause,
     EffectParameter,
@@ -162,11 +162,7 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
         fit = shifted.regression.with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
         chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
-        rows = later(data.rows, data.prepared.motions, chain.shift)
-        torques = zip(data.regression.joints, rows, strict=True)
-        joints = tuple(replace(plain, torque=moved.torque) for plain, moved in torques)
-        regression = replace(data.regression, joints=joints)
-        shifted = replace(data, rows=rows, regression=regression, shift=chain.shift)
+        shifted = data.later(chain.shift)
     return shifted, chain
 
 

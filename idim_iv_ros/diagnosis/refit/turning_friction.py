@@ -94,7 +94,7 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
     """
     whole = data.motions[0].whole
     level = np.maximum(whole.coulomb, 0.0)
-    rubs = level > settings.LEAST_DRY_FRICTION * np.array(data.torque_sizes)
+    rubs = level > settings.LEAST_DRY_FRICTION * data.torque_sizes
     every: list[int] = [j for j in np.flatnonzero(rubs).tolist() if len(data.columns_of(j, "Fc"))]
     if not every:
         return None
