@@ -16,19 +16,13 @@ LEAST_ROOM = 1e-3  # of a gap, above the noise floor, for a shrinkage to be said
 class Evidence:
     """Why an effect is believed.
 
-    Attributes
-    ----------
-    statistic : float
-        Twice the logarithm of the likelihood ratio, of whitened residuals, with and without
-        (structural); Wald statistic of the change of the parameters (parametric).
-    held_out_gain : float or None
-        Share of the energy of the whitened residual that the effect removes, on blocks not used to
-        fit; None where there are no such blocks.
-    folds_positive : str
-        On how many of the held-out blocks the effect helps: ``5 of 6``.
-    chosen_in_folds : str
-        Without how many of the folds a search names it again: ``5 of 5``; empty of causes that
-        no search selects.
+    - `statistic`: twice the logarithm of the likelihood ratio, of whitened residuals, with and
+      without (structural); Wald statistic of the change of the parameters (parametric)
+    - `held_out_gain`: share of the energy of the whitened residual that the effect removes, on
+      blocks not used to fit; None where there are no such blocks
+    - `folds_positive`: on how many of the held-out blocks the effect helps: ``5 of 6``
+    - `chosen_in_folds`: without how many of the folds a search names it again: ``5 of 5``; empty of
+      causes that no search selects
     """
 
     statistic: Number
@@ -53,17 +47,11 @@ class Indistinguishable:
 class Gap:
     """A gap before and after one step, on data not used to fit.
 
-    Attributes
-    ----------
-    before, after : float
-        RMS, N m or rad (N, m for a prismatic joint).
-    noise_floor : float or None
-        RMS that no model can pass; None where it is unknown.
-    shrinkage : float or None
-        Share of the part above the noise floor that goes: (before − after) / (before − floor);
-        where the floor is unknown, 1 − after / before.
-    ci95 : (low, high) or None
-        Of the shrinkage, by a bootstrap over blocks of time.
+    - `before`, `after`: RMS, N m or rad (N, m for a prismatic joint)
+    - `noise_floor`: RMS that no model can pass; None where it is unknown
+    - `shrinkage`: share of the part above the noise floor that goes: (before − after) / (before −
+      floor); where the floor is unknown, 1 − after / before
+    - `ci95`: of the shrinkage, by a bootstrap over blocks of time
     """
 
     before: Number
@@ -91,13 +79,9 @@ class SimulationGap(Gap):
 class JointChange:
     """What one cause takes of the torque gap at one joint.
 
-    Attributes
-    ----------
-    before, after : float
-        RMS of the torque gap, beside the causes before it, N m (N).
-    share_of_torque : float
-        Root of before² − after², as a share of the joint's torque (rms); negative where the gap
-        grows.
+    - `before`, `after`: RMS of the torque gap, beside the causes before it, N m (N)
+    - `share_of_torque`: root of before² − after², as a share of the joint's torque (rms); negative
+      where the gap grows
     """
 
     joint: str
@@ -110,18 +94,11 @@ class JointChange:
 class ParameterError:
     """What parameter errors make of the nominal model's torque gap at one joint, rms, N m (N).
 
-    Attributes
-    ----------
-    given : float
-        Of the nominal model.
-    named : float
-        With the parametric causes that are listed.
-    refit : float
-        With new base parameters.
-    remaining : float
-        Root of named² − refit²: the parameter error that no listed cause accounts for.
-    share_of_torque : float
-        Of that, as a share of the joint's torque (rms).
+    - `given`: of the nominal model
+    - `named`: with the parametric causes that are listed
+    - `refit`: with new base parameters
+    - `remaining`: root of named² − refit²: the parameter error that no listed cause accounts for
+    - `share_of_torque`: of that, as a share of the joint's torque (rms)
     """
 
     joint: str
@@ -136,15 +113,11 @@ class ParameterError:
 class Attribution:
     """An effect at its place with its numbers: what causes, hints and changes have in common.
 
-    Attributes
-    ----------
-    effect : str
-        Name in the catalogue.
-    joint, other_joint : str or None
-        None where it belongs to no joint; the second joint is that of a coupling.
-    sentence : str
-        What a robot engineer should read: where, what, how large, how far the gap shrinks; of a
-        hint why it is no cause.
+    - `effect`: name in the catalogue
+    - `joint`, `other_joint`: None where it belongs to no joint; the second joint is that of a
+      coupling
+    - `sentence`: what a robot engineer should read: where, what, how large, how far the gap
+      shrinks; of a hint why it is no cause
     """
 
     effect: str
@@ -158,18 +131,13 @@ class Attribution:
 class Cause(Attribution):
     """One accepted cause of the gap.
 
-    Attributes
-    ----------
-    torque_gap : Gap
-        At the joint; over all joints where it belongs to none.
-    joint_gaps : tuple of JointChange
-        Joints whose torque gap it changes noticeably, its own first.
-    simulation_gap : SimulationGap or None
-        Tracking error of the simulated closed loop against the recorded one; None where the
-        loop cannot be simulated.
-    probability : float or None
-        That it is a cause, 0 to 1, calibrated on simulated recordings (`comparison.probability`);
-        None of what other rows than the torque's show, which nothing was calibrated for.
+    - `torque_gap`: at the joint; over all joints where it belongs to none
+    - `joint_gaps`: joints whose torque gap it changes noticeably, its own first
+    - `simulation_gap`: tracking error of the simulated closed loop against the recorded one; None
+      where the loop cannot be simulated
+    - `probability`: that it is a cause, 0 to 1, calibrated on simulated recordings
+      (`comparison.probability`); None of what other rows than the torque's show, which nothing was
+      calibrated for
     """
 
     kind: Kind
@@ -188,19 +156,13 @@ class Hint(Attribution):
     An effect that does not hold without the data that chose it, or a parameter error each of whose
     numbers may be zero beside errors of all other given numbers.
 
-    Attributes
-    ----------
-    reason : str
-        Why it is no cause.
-    probability : float or None
-        That it, or what the recording cannot tell from it, is a cause, 0 to 1, calibrated; None
-        where something else speaks against it.
-    chosen_in_folds : str
-        Without how many of the folds a search names it again: ``2 of 5``; empty for a parameter
-        error.
-    torque_gap : Gap
-        At the joint, on data that did not choose it; of a parameter error, by itself and on all
-        data.
+    - `reason`: why it is no cause
+    - `probability`: that it, or what the recording cannot tell from it, is a cause, 0 to 1,
+      calibrated; None where something else speaks against it
+    - `chosen_in_folds`: without how many of the folds a search names it again: ``2 of 5``; empty
+      for a parameter error
+    - `torque_gap`: at the joint, on data that did not choose it; of a parameter error, by itself
+      and on all data
     """
 
     joint: str

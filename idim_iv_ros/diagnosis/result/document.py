@@ -28,18 +28,12 @@ Verdict = Literal["none", "parametric", "structural", "both", "unknown"]
 class JointGap:
     """The gap of the nominal model at one joint.
 
-    Attributes
-    ----------
-    rms : float
-        N m (N), of the nominal model (of the refit where no model is given).
-    relative_percent : float or None
-        100 ‖y − X β₀‖ / ‖y‖.
-    share : float
-        Of the whole gap beyond noise, each joint's energy divided by that of its torque, 0 to 1.
-    noise_floor : float or None
-        N m (N).
-    floor_origin : str
-        ``repeats`` or ``lower bound``, in words for the report.
+    - `rms`: N m (N), of the nominal model (of the refit where no model is given)
+    - `relative_percent`: 100 ‖y − X β₀‖ / ‖y‖
+    - `share`: of the whole gap beyond noise, each joint's energy divided by that of its torque, 0
+      to 1
+    - `noise_floor`: N m (N)
+    - `floor_origin`: ``repeats`` or ``lower bound``, in words for the report
     """
 
     joint: str
@@ -61,20 +55,12 @@ class JointGap:
 class Regime:
     """Part of one joint's samples.
 
-    Attributes
-    ----------
-    axis : str
-        ``speed``, ``direction``, ``position``, ``load``, ``time`` or ``reversal`` (distance since
-        the last one).
-    low, high : float
-        Of the axis, in `unit`; infinite where the end is open.
-    unit : str
-    energy_share, occupancy : float
-        Share of the joint's gap energy, and of its samples, 0 to 1.
-    lift : float
-        energy_share / occupancy.
-    ci95 : (low, high) or None
-        Of the lift, by a bootstrap over blocks of time.
+    - `axis`: ``speed``, ``direction``, ``position``, ``load``, ``time`` or ``reversal`` (distance
+      since the last one)
+    - `low`, `high`: of the axis, in `unit`; infinite where the end is open
+    - `energy_share`, `occupancy`: share of the joint's gap energy, and of its samples, 0 to 1
+    - `lift`: energy_share / occupancy
+    - `ci95`: of the lift, by a bootstrap over blocks of time
     """
 
     joint: str
@@ -115,17 +101,11 @@ class NotTestable:
 class Stage:
     """One model on the way from the nominal to the extended one.
 
-    Attributes
-    ----------
-    name : str
-        ``given``, ``refit``, ``+stribeck[joint_1]`` …
-    torque_rms : dict of joint to float
-        On data not used to fit, N m (N).
-    tracking_rms : dict of joint to float, or None
-        Difference between the simulated and the recorded motion, rad (m); None where the loop
-        cannot be simulated or diverges.
-    note : str
-        Why something is missing; empty otherwise.
+    - `name`: ``given``, ``refit``, ``+stribeck[joint_1]`` …
+    - `torque_rms`: on data not used to fit, N m (N)
+    - `tracking_rms`: difference between the simulated and the recorded motion, rad (m); None where
+      the loop cannot be simulated or diverges
+    - `note`: why something is missing; empty otherwise
     """
 
     name: Annotated[str, Field(alias="stage")]
@@ -177,43 +157,26 @@ class TrackingSeries:
 class GapResult(Document):
     """Outcome of a diagnosis: gap.json, and what its report draws.
 
-    Attributes
-    ----------
-    session : tuple of SessionPart
-        Where each recording lies in the time of the session, in the order of `bags`.
-    without : tuple of str
-        Effects that were left out of the catalogue.
-    summary : str
-        One paragraph that a robot engineer can act on.
-    causes : tuple of Cause
-        Strongest first.
-    hints : tuple of Hint
-        No causes: they count for no verdict and are not handed on to a simulator.
-    parameter_errors : tuple of ParameterError
-        One for each joint; empty without a nominal model.
-    friction_leads : dict of str to float
-        s by which dry friction turns before its joint, as a simulator's solver softens it; only
-        joints where it does.
-    recordings : tuple of RecordingAgreement
-        In the order of `bags`; empty of a single recording.
-    contrast : ContrastResult or None
-        What changed in a second set of recordings; all else is of the reference set, `bags`.
-    transmissions : tuple of Transmission
-        One for each joint with an encoder behind its gear.
-    findings : tuple of str
-        The top regimes in words.
-    notes : tuple of str
-        What could not be done and why.
-    extended_parameters : dict of str to EffectParameter
-        Base parameters of the extended model.
-    physical, why_no_physical : PhysicalParameters or None, str
-        Nearest to the base parameters of the extended model; why there are none.
-    kinematics : str
-        Digest of the geometry (`kinematics_digest`): to which URDF the result belongs.
-    timing : dict of str to float
-        Seconds by stage.
-    series, tracking, twists
-        For the report and not in the document.
+    - `session`: where each recording lies in the time of the session, in the order of `bags`
+    - `without`: effects that were left out of the catalogue
+    - `summary`: one paragraph that a robot engineer can act on
+    - `causes`: strongest first
+    - `hints`: no causes: they count for no verdict and are not handed on to a simulator
+    - `parameter_errors`: one for each joint; empty without a nominal model
+    - `friction_leads`: s by which dry friction turns before its joint, as a simulator's solver
+      softens it; only joints where it does
+    - `recordings`: in the order of `bags`; empty of a single recording
+    - `contrast`: what changed in a second set of recordings; all else is of the reference set,
+      `bags`
+    - `transmissions`: one for each joint with an encoder behind its gear
+    - `findings`: the top regimes in words
+    - `notes`: what could not be done and why
+    - `extended_parameters`: base parameters of the extended model
+    - `physical`, `why_no_physical`: nearest to the base parameters of the extended model; why there
+      are none
+    - `kinematics`: digest of the geometry (`kinematics_digest`): to which URDF the result belongs
+    - `timing`: seconds by stage
+    - `series`, `tracking`, `twists`: for the report and not in the document
     """
 
     what: ClassVar[str] = "a diagnosis"

@@ -13,20 +13,13 @@ from idim_iv_ros.types import FloatArray
 class SignalChain:
     """What lies between the law and the torque: a property of the recording, and no cause.
 
-    Attributes
-    ----------
-    effort_shift : EffectParameter
-        Time from the recorded effort to the torque on the joints, s; it was taken out before causes
-        were looked for. Zero with `std` None where none can be said.
-    periods : float
-        The same in periods of the control.
-    joint_shifts : dict of joint to EffectParameter
-        Each joint's own, s.
-    differing : tuple of str
-        Joints that do not share the common shift.
-    law_speed : str or None
-        The speed with which the configured law explains the commands best, in words; None where
-        the commands cannot be compared with a law.
+    - `effort_shift`: time from the recorded effort to the torque on the joints, s; it was taken out
+      before causes were looked for. Zero with `std` None where none can be said
+    - `periods`: the same in periods of the control
+    - `joint_shifts`: each joint's own, s
+    - `differing`: joints that do not share the common shift
+    - `law_speed`: the speed with which the configured law explains the commands best, in words;
+      None where the commands cannot be compared with a law
     """
 
     effort_shift: EffectParameter
@@ -40,32 +33,22 @@ class SignalChain:
 class Transmission:
     """What encoders before and behind a gear say of it: motor less link, beside the load.
 
-    Attributes
-    ----------
-    stiffness, stiffness_at_least : EffectParameter and float, or None
-        N m/rad (N/m), None where `reason` says why; and the lower end of its 95 % interval.
-    damping : EffectParameter or None
-        N m s/rad; None where none shows.
-    backlash : EffectParameter or None
-        Gap of the play, rad: the hysteresis over the load's sign beyond the linear law; None where
-        none shows.
-    backlash_at_most : float or None
-        Upper end of its 95 % interval, rad; None where the load never changes its side.
-    lost_motion : EffectParameter or None
-        Hysteresis over the direction of motion, rad: play that friction keeps on one side, or
-        friction behind the gear.
-    time_offset : EffectParameter or None
-        Time by which the link's channel is late, s. No elasticity.
-    position_error : bool
-        Whether the twist also follows the position: an error of one of the encoders.
-    elastic_share : float
-        Share of the twist's variance, position aside, that follows the load in proportion, 0 to 1.
-    resolution : float
-        Step of the coarser encoder, rad; zero where none shows.
-    unit : str
-        Of the twist.
-    reason : str
-        Why no stiffness can be said; empty where one is.
+    - `stiffness`, `stiffness_at_least`: N m/rad (N/m), None where `reason` says why; and the lower
+      end of its 95 % interval
+    - `damping`: N m s/rad; None where none shows
+    - `backlash`: gap of the play, rad: the hysteresis over the load's sign beyond the linear law;
+      None where none shows
+    - `backlash_at_most`: upper end of its 95 % interval, rad; None where the load never changes its
+      side
+    - `lost_motion`: hysteresis over the direction of motion, rad: play that friction keeps on one
+      side, or friction behind the gear
+    - `time_offset`: time by which the link's channel is late, s. No elasticity
+    - `position_error`: whether the twist also follows the position: an error of one of the encoders
+    - `elastic_share`: share of the twist's variance, position aside, that follows the load in
+      proportion, 0 to 1
+    - `resolution`: step of the coarser encoder, rad; zero where none shows
+    - `unit`: of the twist
+    - `reason`: why no stiffness can be said; empty where one is
     """
 
     joint: str
@@ -110,14 +93,10 @@ class Difference:
 class RecordingAgreement:
     """Whether the parameters of the other recordings hold for this one.
 
-    Attributes
-    ----------
-    joint : str
-        Where it differs most.
-    share_of_torque : float
-        Torque of the difference there, as a share of the joint's (rms); zero where it agrees.
-    differences : tuple of Difference
-        What differs; empty where it agrees.
+    - `joint`: where it differs most
+    - `share_of_torque`: torque of the difference there, as a share of the joint's (rms); zero where
+      it agrees
+    - `differences`: what differs; empty where it agrees
     """
 
     bag: str
@@ -140,18 +119,12 @@ class JointTorque:
 class JointContrast:
     """How far two sets of recordings differ at one joint, rms in the second set, N m (N).
 
-    Attributes
-    ----------
-    before : float
-        Of the model of the reference set, which the second set was not used to fit.
-    after : float
-        With the causes that are listed.
-    own : float
-        With numbers of its own besides, in each quarter of a recording as the others have them.
-    share_of_torque : float
-        Root of before² − own², as a share of the joint's torque (rms): by how much the sets differ.
-    unexplained : float
-        Root of after² − own², N m (N): what no listed cause accounts for.
+    - `before`: of the model of the reference set, which the second set was not used to fit
+    - `after`: with the causes that are listed
+    - `own`: with numbers of its own besides, in each quarter of a recording as the others have them
+    - `share_of_torque`: root of before² − own², as a share of the joint's torque (rms): by how much
+      the sets differ
+    - `unexplained`: root of after² − own², N m (N): what no listed cause accounts for
     """
 
     joint: str
@@ -169,16 +142,10 @@ class ContrastCause(Attribution):
     Its parameters are second set less reference; of an effect that one set alone has, its numbers
     there.
 
-    Attributes
-    ----------
-    change : str
-        ``appeared`` and ``vanished`` where one set alone has the effect, else ``changed``.
-    bags : tuple of str
-        Recordings of the second set that it holds for.
-    reference, against : dict of str to EffectParameter
-        The numbers in each set, where they are known one by one.
-    torques : tuple of JointTorque
-        Joints where it matters, its own first.
+    - `change`: ``appeared`` and ``vanished`` where one set alone has the effect, else ``changed``
+    - `bags`: recordings of the second set that it holds for
+    - `reference`, `against`: the numbers in each set, where they are known one by one
+    - `torques`: joints where it matters, its own first
     """
 
     kind: Kind
@@ -195,20 +162,14 @@ class ContrastCause(Attribution):
 class ContrastResult:
     """What changed between a reference set of recordings and a second one.
 
-    Attributes
-    ----------
-    reference, against : tuple of str
-        Recordings.
-    sentence : str
-        The answer, in words.
-    causes : tuple of ContrastCause
-        Strongest first; empty where the sets do not differ, or where nothing explains it.
-    unattributed, common : tuple of str
-        Differences outside the catalogue, and effects that both sets share, in words.
-    effort_shift : dict of str to EffectParameter
-        Time from the recorded effort to the torque, s, of ``reference`` and ``against``.
-    notes : tuple of str
-        What could not be compared and why.
+    - `reference`, `against`: recordings
+    - `sentence`: the answer, in words
+    - `causes`: strongest first; empty where the sets do not differ, or where nothing explains it
+    - `unattributed`, `common`: differences outside the catalogue, and effects that both sets share,
+      in words
+    - `effort_shift`: time from the recorded effort to the torque, s, of ``reference`` and
+      ``against``
+    - `notes`: what could not be compared and why
     """
 
     reference: tuple[str, ...]
