@@ -32,7 +32,8 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
 )
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all, is_beyond_control
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw

@@ -12,7 +12,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
-from idim_iv_ros.diagnosis.result import NotTestable
+from idim_iv_ros.diagnosis.result.document import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel

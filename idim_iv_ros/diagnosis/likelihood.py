@@ -113,10 +113,7 @@ class Regression:
             solution = basis.solve(factor[:, -1], self.total)
             residuals = tuple(rows.residual(solution) for rows in self.extended)
             if step < steps:
-                current = tuple(
-                    _assumed(rows) or noise_model(residual, rows.segments)
-                    for residual, rows in zip(residuals, self.joints, strict=True)
-                )
+                current = tuple(map(noise_model, self.joints, residuals))
         root = basis.inverse_root(self.total)
         likelihoods = [
             0.0 if rows.left_out else _log_likelihood(residual, rows.segments, noise)
@@ -143,30 +140,23 @@ class Regression:
             basis = independent_basis(rows.r_factor[:, :-1], tolerance=NOT_SHOWN)
             values = basis.solve(rows.r_factor[:, -1], len(rows.columns))
             residuals.append(rows.torque - rows.matrix @ values)
-        return white_noise_models(self.joints, residuals)
+        return tuple(map(white_noise, self.joints, residuals))
 
 
-def white_noise_models(
-    joints: Sequence[JointRows], residuals: Sequence[FloatArray]
-) -> tuple[AutoregressiveModel, ...]:
-    """White noise of the size of each joint's residual: weights of the least torque gap."""
-    return tuple(
-        _assumed(rows) or AutoregressiveModel(np.zeros(0), float(np.var(residual)) or 1.0)
-        for rows, residual in zip(joints, residuals, strict=True)
-    )
-
-
-def _assumed(rows: JointRows) -> AutoregressiveModel | None:
-    """White noise of rows that are left out; None of others."""
+def white_noise(rows: JointRows, residual: FloatArray) -> AutoregressiveModel:
+    """White noise of the size of a residual; of rows that are left out, of the size assumed."""
     sigma = rows.assumed_sigma
-    return None if sigma is None else AutoregressiveModel(np.zeros(0), sigma**2)
+    variance = float(np.var(residual)) or 1.0 if sigma is None else sigma**2
+    return AutoregressiveModel(np.zeros(0), variance)
 
 
-def noise_model(residual: FloatArray, segments: Sequence[slice]) -> AutoregressiveModel:
+def noise_model(rows: JointRows, residual: FloatArray) -> AutoregressiveModel:
     """Autoregressive noise of one joint that believes no frequency to be almost without noise."""
-    model = fit_autoregression(residual, segments, max_order=_NOISE_MODEL_ORDER)
+    if rows.left_out:
+        return white_noise(rows, residual)
+    model = fit_autoregression(residual, rows.segments, max_order=_NOISE_MODEL_ORDER)
     model = model.with_white_noise(settings.LEAST_DENSITY)
-    variance = float(np.mean(model.whiten(residual, segments) ** 2))
+    variance = float(np.mean(model.whiten(residual, rows.segments) ** 2))
     return replace(model, innovation_variance=variance or 1e-24)
 
 

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.against.sets import two_sets
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.result import ContrastResult, RecordingAgreement
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult, RecordingAgreement
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.recording.recording import Recording

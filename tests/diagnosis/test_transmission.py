@@ -17,13 +17,15 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import EffectParameter, GapResult, Transmission
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.diagnosis.result.recordings import Transmission
 from idim_iv_ros.diagnosis.sentences import transmission
 from idim_iv_ros.diagnosis.transmission.measure import (
     Measured,
     measured_transmissions,
     with_transmissions,
 )
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.identification.prepare import read_configured
 from tests.diagnosis.link_encoders import Gear, pendulum_bag

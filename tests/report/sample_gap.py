@@ -7,28 +7,32 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import (
     Cause,
-    ContrastCause,
-    ContrastResult,
-    EffectParameter,
     Evidence,
     Gap,
-    GapResult,
-    GapSeries,
     Hint,
     Indistinguishable,
-    JointContrast,
+    SimulationGap,
+    Unexplained,
+)
+from idim_iv_ros.diagnosis.result.document import (
+    GapResult,
+    GapSeries,
     JointGap,
-    JointTorque,
     NotTestable,
     Regime,
-    SimulationGap,
     Stage,
     TrackingSeries,
-    Unexplained,
     Where,
 )
+from idim_iv_ros.diagnosis.result.recordings import (
+    ContrastCause,
+    ContrastResult,
+    JointContrast,
+    JointTorque,
+)
+from idim_iv_ros.effects.cause import EffectParameter
 
 FloatArray = NDArray[np.float64]
 Case = Literal["none", "parametric", "structural", "both", "unknown"]

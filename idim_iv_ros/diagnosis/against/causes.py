@@ -14,9 +14,10 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
-from idim_iv_ros.diagnosis.result import ContrastCause, EffectParameter, Evidence, JointTorque
+from idim_iv_ros.diagnosis.result.causes import Evidence
+from idim_iv_ros.diagnosis.result.recordings import ContrastCause, JointTorque
 from idim_iv_ros.diagnosis.sentences import listed_numbers, or_else, spaced, torque, with_interval
-from idim_iv_ros.effects.cause import Parameters
+from idim_iv_ros.effects.cause import EffectParameter, Parameters
 from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
 from idim_iv_ros.simulation import ControlLaw
 

@@ -28,8 +28,9 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
-from idim_iv_ros.diagnosis.result import ContrastResult, EffectParameter, JointContrast
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult, JointContrast
 from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import FloatArray
 

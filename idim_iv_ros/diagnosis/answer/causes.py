@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import (
     Cause,
     Evidence,
     Gap,
@@ -24,8 +24,8 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     SimulationGap,
     Unexplained,
-    Verdict,
 )
+from idim_iv_ros.diagnosis.result.document import Verdict
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.types import FloatArray

@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
-from idim_iv_ros.diagnosis.result import EffectParameter
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray, IntArray

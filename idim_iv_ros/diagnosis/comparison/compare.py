@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import expit, softmax
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
@@ -89,7 +90,7 @@ class Comparison:
         return replace(
             term,
             evidence=evidence,
-            presence=_logistic(odds),
+            presence=float(expit(odds)),
             visible=self.shares(term.candidate, others, plain, left, unit)[1],
             dispersion=dispersion,
         )
@@ -334,9 +335,8 @@ class _Ranking:
         left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(w, place))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
         score = np.array([self.score[number] for _, number in kept])
-        weights = np.exp(score - score.max())
         keys: dict[Key, float] = {}
-        for (k, _), weight in zip(kept, weights / weights.sum(), strict=True):
+        for (k, _), weight in zip(kept, softmax(score), strict=True):
             key = options.keys[options.key[k]]
             keys[key] = keys.get(key, 0.0) + float(weight)
         odds = float(self.capped[row]) + prior.odds_of_presence(candidate.key)
@@ -353,7 +353,7 @@ class _Ranking:
             size=float(np.linalg.norm(unit) / np.sqrt(w)),
             log_prior=float(prior.log[option]),
             evidence=float(self.capped[row]),
-            presence=_logistic(odds),
+            presence=float(expit(odds)),
             whole=whole,
             visible=visible,
             rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
@@ -382,7 +382,3 @@ def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
         if term.candidate.kind is Kind.EFFECT and term.candidate.place is not None:
             there[list(term.candidate.place.joints)] = True
     return there
-
-
-def _logistic(odds: float) -> float:
-    return float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0))))

@@ -149,14 +149,10 @@ def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[RowNoise,
     """Noise of each joint's residual (r_j,)."""
     made = []
     for joint, (rows, left) in enumerate(zip(ledger.joints, residuals, strict=True)):
-        scale, sigma = np.ones(len(left)), rows.assumed_sigma
-        if sigma is None:
-            if ledger.unsampled is not None:
-                scale = scale_of(left, ledger.unsampled[joint])
-            model = noise_model(left / scale, rows.segments)
-        else:
-            model = AutoregressiveModel(np.zeros(0), sigma**2)
-        made.append(RowNoise(model, scale))
+        scale = np.ones(len(left))
+        if ledger.unsampled is not None and not rows.left_out:
+            scale = scale_of(left, ledger.unsampled[joint])
+        made.append(RowNoise(noise_model(rows, left / scale), scale))
     return tuple(made)
 
 

@@ -7,6 +7,7 @@ from functools import cache
 from importlib import resources
 
 import numpy as np
+from scipy.special import expit
 
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import Chosen
@@ -91,7 +92,7 @@ def probability(values: Sequence[float] | FloatArray, effect: str) -> float:
     weights = table()
     odds = weights.intercept + weights.effects.get(effect, 0.0)
     odds += float(np.dot([weights.weights[name] for name in FEATURES], values))
-    return float(np.clip(1.0 / (1.0 + np.exp(-odds)), *LIMITS))
+    return float(np.clip(expit(odds), *LIMITS))
 
 
 def of_set(values: FloatArray, effect: str) -> float:

@@ -8,9 +8,11 @@ drives: the one that makes the whole likelier, each size with a set of its own.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from operator import itemgetter
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
@@ -211,38 +213,26 @@ def log_prior_of_errors(errors: tuple[float, float]) -> float:
 
 def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> tuple[float, float]:
     """Relative errors of links and drives under which rows and terms are likeliest."""
-    ledger, columns = white.options.ledger, [white.columns(term.columns) for term in terms]
-    b, q = ledger.parameters, sum(term.width for term in terms)
-    normal, right = np.zeros((b + q, b + q)), np.zeros(b + q)
+    ledger, tables = white.options.ledger, []
+    columns = [(term.width, white.columns(term.columns)) for term in terms]
     for joint, rows in enumerate(ledger.joints):
-        table = np.zeros((len(rows), b + q))
-        table[:, rows.columns] = white.model[joint]
-        start = b
-        for term, part in zip(terms, columns, strict=True):
-            if joint in part:
-                table[:, start : start + term.width] = part[joint]
-            start += term.width
-        normal += table.T @ table
-        right += table.T @ white.gap[joint]
-    free = np.zeros((b + q, q))
-    start = 0
-    for term in terms:
-        stop = start + term.width
-        free[b + start : b + stop, start:stop] = term.prior_root
-        start = stop
-    best, highest = (RELATIVE_ERRORS[0], RELATIVE_ERRORS[0]), -np.inf
-    for link in RELATIVE_ERRORS:
-        for drive in RELATIVE_ERRORS:
-            sizes = ledger.errors((link, drive))
-            sizes = np.hstack([np.vstack([sizes, np.zeros((q, sizes.shape[1]))]), free])
-            inner = sizes.T @ normal @ sizes + np.eye(sizes.shape[1])
-            root = np.linalg.cholesky(inner)
-            taken = np.linalg.solve(root, sizes.T @ right)
-            value = 0.5 * float(taken @ taken) - float(np.sum(np.log(np.diag(root))))
-            value = value + log_prior_of_errors((link, drive))
-            if value > highest:
-                best, highest = (link, drive), value
-    return best
+        model = np.zeros((len(rows), ledger.parameters))
+        model[:, rows.columns] = white.model[joint]
+        parts = [part.get(joint, np.zeros((len(rows), width))) for width, part in columns]
+        table = np.column_stack([model, *parts, white.gap[joint]])
+        tables.append(table.T @ table)
+    products = np.sum(tables, axis=0)
+    roots = [term.prior_root for term in terms]
+
+    def likelihood(errors: tuple[float, float]) -> float:
+        sizes = scipy.linalg.block_diag(ledger.errors(errors), *roots)
+        inner = sizes.T @ products[:-1, :-1] @ sizes + np.eye(sizes.shape[1])
+        root = np.linalg.cholesky(inner)
+        taken = np.linalg.solve(root, sizes.T @ products[:-1, -1])
+        level = 0.5 * float(taken @ taken) - float(np.sum(np.log(np.diag(root))))
+        return level + log_prior_of_errors(errors)
+
+    return max(product(RELATIVE_ERRORS, RELATIVE_ERRORS), key=likelihood)
 
 
 def climb(comparison: Comparison, start: Sequence[Term]) -> Terms:

@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
-from idim_iv_ros.diagnosis.result import JointChange
+from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
@@ -288,52 +288,24 @@ def rows_of(
     Columns of shapes that follow each other lie one after the other in memory. `precision`: of
     what is decimated; that of a catalogue, which is compared and not differentiated, is single.
     """
-    starts = range(0, len(shapes), _AT_ONCE)
-    some = [shapes[k : k + _AT_ONCE] for k in starts]
-    parts = [_rows_at_once(data, effect, place, part, precision) for part in some]
-    return [columns for part in parts for columns in part]
-
-
-def _rows_at_once(
-    data: Baseline,
-    effect: Effect,
-    place: Place,
-    shapes: Sequence[Shape],
-    precision: type[np.floating],
-) -> list[Columns]:
-    """Rows for a few shapes, all columns of all joints filtered in one call."""
-    tables = []
-    for motion in data.motions:
-        joints, widths, lines = _side_by_side(effect, motion, place, shapes, precision)
-        tables.append(motion.rows(lines.T).T)
-    ends = np.cumsum(widths)
-    blocks: list[dict[int, FloatArray]] = [{} for _ in shapes]
-    for number, joint in enumerate(joints):
-        of_joint = slice(number * ends[-1], (number + 1) * ends[-1])
-        counting = [
-            table[of_joint].compress(motion.kept[:, joint], axis=1)
-            for table, motion in zip(tables, data.motions, strict=True)
-        ]
-        rows = np.concatenate(counting, axis=1)
-        for block, end, width in zip(blocks, ends, widths, strict=True):
-            block[joint] = rows[end - width : end].T
-    return list(blocks)
-
-
-def _side_by_side(
-    effect: Effect,
-    motion: SmoothMotion,
-    place: Place,
-    shapes: Sequence[Shape],
-    precision: type[np.floating],
-) -> tuple[tuple[int, ...], list[int], FloatArray]:
-    """Joints of an effect, columns of each shape, and all of these as lines (joints × k, s).
-
-    The effect's own arrays are free again before the lines are filtered.
-    """
-    torques = effect.torques(motion, place, shapes)
-    joints = tuple(torques[0])
-    parts = [torque[joint].T for joint in joints for torque in torques]
-    with np.errstate(over="ignore"):  # shapes of a torque beyond all hardware are no candidates
-        lines = np.concatenate(parts, dtype=precision, casting="same_kind")
-    return joints, [width_of(torque) for torque in torques], lines
+    made: list[dict[int, FloatArray]] = [{} for _ in shapes]
+    for start in range(0, len(shapes), _AT_ONCE):
+        some, tables = shapes[start : start + _AT_ONCE], []
+        for motion in data.motions:
+            torques = effect.torques(motion, place, some)
+            joints, ends = tuple(torques[0]), np.cumsum([width_of(torque) for torque in torques])
+            parts = [torque[joint].T for joint in joints for torque in torques]
+            with np.errstate(over="ignore"):  # shapes beyond all hardware are no candidates
+                lines = np.concatenate(parts, dtype=precision, casting="same_kind")
+            del torques, parts  # before the lines are filtered
+            tables.append(motion.rows(lines.T).T)
+        for number, joint in enumerate(joints):
+            of_joint = slice(number * ends[-1], (number + 1) * ends[-1])
+            counting = [
+                table[of_joint].compress(motion.kept[:, joint], axis=1)
+                for table, motion in zip(tables, data.motions, strict=True)
+            ]
+            shares = np.split(np.concatenate(counting, axis=1), ends[:-1])
+            for columns, lines in zip(made[start:], shares, strict=False):
+                columns[joint] = lines.T
+    return list(made)

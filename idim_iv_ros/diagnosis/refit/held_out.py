@@ -11,11 +11,11 @@ from functools import lru_cache
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise_models
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import Repeat
-from idim_iv_ros.diagnosis.result import Gap, Stage
-from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM
+from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM, Gap
+from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -146,7 +146,8 @@ def held_out(
     """
     folds, note = folds_of(data, repeats, interleaved=interleaved)
     blocks = row_blocks(data)
-    white = white_noise_models(extended.joints, fit.residuals)
+    # Weights of the least torque gap.
+    white = tuple(map(white_noise, extended.joints, fit.residuals))
     plain, whitened = (
         predicted(extended, noise_models, folds) for noise_models in (white, fit.noise_models)
     )

@@ -17,7 +17,9 @@ from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turning_friction
-from idim_iv_ros.diagnosis.result import Cause, EffectParameter, Evidence, Gap, NotTestable, Stage
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
+from idim_iv_ros.diagnosis.result.document import NotTestable, Stage
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.model import RobotModel
 from idim_iv_ros.recording.recording import Recording

@@ -14,14 +14,9 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    EffectParameter,
-    Evidence,
-    Gap,
-    JointChange,
-    SignalChain,
-)
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange
+from idim_iv_ros.diagnosis.result.recordings import SignalChain
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import BoolArray, FloatArray

@@ -21,7 +21,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.simulation import joint_inertia
@@ -101,21 +100,38 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
     position = data.motions[0].position
     sample = position[:: max(1, len(position) // _STATES)]
     inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
-    width = level / np.maximum(inertia, 1e-12)  # per unit of lead and softness
-    tried = _Tried(data, width)
+    widest = level / np.maximum(inertia, 1e-12)  # of the crossing, per unit of lead and softness
+    fit, fine = data.regression.fitted, [_fine(motion) for motion in data.motions]
+
+    def width(joint: int, crossing: Crossing) -> float:
+        return max(crossing[0] * crossing[1] * float(widest[joint]), _STILL)
+
+    @cache
+    def column(joint: int, crossing: Crossing) -> FloatArray:
+        lead, wide = crossing[0], width(joint, crossing)
+        return data.decimated(joint, [_crossing(*states, joint, lead, wide) for states in fine])
+
+    def gains(crossings: dict[int, Crossing]) -> FloatArray:
+        """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
+        joints = list(data.regression.joints)
+        for joint, crossing in crossings.items():
+            matrix = joints[joint].matrix.copy()
+            matrix[:, data.columns_of(joint, "Fc")] = column(joint, crossing)[:, None]
+            joints[joint] = replace(joints[joint], matrix=matrix)
+        changed = replace(data.regression, joints=tuple(joints))
+        return changed.fit(fit.noise_models, steps=0).log_likelihoods - fit.log_likelihoods
 
     @cache
     def same_everywhere(crossing: Crossing) -> float:
-        return float(tried.gains(dict.fromkeys(every, crossing)).sum())
+        return float(gains(dict.fromkeys(every, crossing)).sum())
 
     def turning(crossings: dict[int, Crossing]) -> TurningFriction:
         leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
-        for joint, (lead, soft) in crossings.items():
-            leads[joint], widths[joint] = lead, max(lead * soft * width[joint], _STILL)
+        for joint, crossing in crossings.items():
+            leads[joint], widths[joint] = crossing[0], width(joint, crossing)
         return TurningFriction(leads, widths)
 
     leads = [(lead, _SOFTNESS[1]) for lead in _LEADS]
-    tried.make([(joint, crossing) for joint in every for crossing in (*leads, _AS_MEASURED)])
     best = max(leads, key=same_everywhere)
     best = max(((best[0], soft) for soft in _SOFTNESS), key=same_everywhere)
     measured = same_everywhere(_AS_MEASURED)
@@ -127,56 +143,18 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
                 near = [(lead * step, soft), (lead / step, soft)]
                 near += [(lead, soft * step**3), (lead, soft / step**3), (lead, soft)]
                 options = [{**chosen, joint: crossing} for crossing in near]
-                chosen = max(options, key=lambda option: float(tried.gains(option).sum()))
-        gains = tried.gains(chosen)
+                chosen = max(options, key=lambda option: float(gains(option).sum()))
+        of_joints = gains(chosen)
         early = {
             joint: crossing
             for joint, crossing in chosen.items()
-            if gains[joint] > 0.0 and crossing[0] > LEAST_LEAD
+            if of_joints[joint] > 0.0 and crossing[0] > LEAST_LEAD
         }
         if 2 * len(early) > len(every):
             return turning(early)
     if measured >= settings.SOFT_FRICTION_SUPPORT:
         return turning(dict.fromkeys(every, _AS_MEASURED))
     return None
-
-
-class _Tried:
-    """Gains of the likelihood with friction that turns early, each column made once."""
-
-    def __init__(self, data: Baseline, width: FloatArray) -> None:
-        self.data, self.width = data, width
-        self.fit: Fit = data.regression.fitted
-        self.fine = [_fine(motion) for motion in data.motions]
-        self.columns: dict[tuple[int, Crossing], FloatArray] = {}
-
-    def gains(self, crossings: dict[int, Crossing]) -> FloatArray:
-        """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
-        joints = list(self.data.regression.joints)
-        self.make(list(crossings.items()))
-        for joint, crossing in crossings.items():
-            matrix = joints[joint].matrix.copy()
-            matrix[:, self.data.columns_of(joint, "Fc")] = self.columns[joint, crossing][:, None]
-            joints[joint] = replace(joints[joint], matrix=matrix)
-        changed = replace(self.data.regression, joints=tuple(joints))
-        fit = changed.fit(self.fit.noise_models, steps=0)
-        return fit.log_likelihoods - self.fit.log_likelihoods
-
-    def make(self, wanted: Sequence[tuple[int, Crossing]]) -> None:
-        """Decimate the columns of joints with crossings together, those that are not made yet."""
-        new = [pair for pair in wanted if pair not in self.columns]
-        if not new:
-            return
-        tables = []
-        for motion, fine in zip(self.data.motions, self.fine, strict=True):
-            turning = []
-            for joint, (lead, soft) in new:
-                width = max(lead * soft * self.width[joint], _STILL)
-                turning.append(_crossing(*fine, joint, lead, width))
-            tables.append(motion.rows(np.stack(turning, axis=1)))
-        for k, (joint, crossing) in enumerate(new):
-            rows = [table[:, k] for table in tables]
-            self.columns[joint, crossing] = self.data.counting(joint, rows)
 
 
 def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:

@@ -8,13 +8,8 @@ import numpy as np
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.likelihood import Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    EffectParameter,
-    Gap,
-    Transmission,
-    TransmissionSeries,
-)
+from idim_iv_ros.diagnosis.result.causes import Cause, Gap
+from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
 from idim_iv_ros.diagnosis.transmission.twist import (
     DIRECTION,
     LINK_MOTION_STEPS,
@@ -27,7 +22,7 @@ from idim_iv_ros.diagnosis.transmission.twist import (
     fit_twist,
     twist_rows,
 )
-from idim_iv_ros.effects.cause import Part
+from idim_iv_ros.effects.cause import EffectParameter, Part
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.identification.sanity import JointFinding, link_findings

@@ -31,7 +31,7 @@ from idim_iv_ros.diagnosis.comparison.named_columns import (
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Evidence
+from idim_iv_ros.diagnosis.result.causes import Evidence
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
