@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -97,14 +98,6 @@ def simulated_tracking(
     return Tracking(data.joints, tuple(errors), rates, "")
 
 
-def simulation_gap(before: Tracking, after: Tracking, joint: int) -> SimulationGap | None:
-    """Tracking error before and after at a joint."""
-    if before.note or after.note:
-        return None
-    one, two = (stage.block_energies[:, [joint, -1]] for stage in (before, after))
-    return SimulationGap(**vars(gap_of(one, two)))
-
-
 def tracking_series(
     data: Baseline, before: Tracking, after: Tracking
 ) -> tuple[TrackingSeries, ...]:
@@ -161,8 +154,13 @@ def simulation_gaps(
     explanation: Explained, tracked: Sequence[Tracking]
 ) -> list[SimulationGap | None]:
     """Gap of the simulated motion at the joint of each effect, before and after it."""
-    stages = tracked[len(tracked) - len(explanation.fits) :]
-    return [
-        simulation_gap(before, after, effect.term.place.joint)
-        for effect, before, after in zip(explanation.effects, stages, stages[1:], strict=False)
-    ]
+    gaps: list[SimulationGap | None] = []
+    stages = pairwise(tracked[len(tracked) - len(explanation.fits) :])
+    for effect, pair in zip(explanation.effects, stages, strict=True):
+        gap = None
+        if not any(stage.note for stage in pair):
+            columns = [effect.term.place.joint, -1]
+            before, after = (stage.block_energies[:, columns] for stage in pair)
+            gap = SimulationGap(**vars(gap_of(before, after)))
+        gaps.append(gap)
+    return gaps

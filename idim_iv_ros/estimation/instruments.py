@@ -21,7 +21,6 @@ from idim_iv_ros.types import FloatArray
 
 # Gains are rescaled only while the simulated inertia is further than this from the robot's.
 _SAME_INERTIA = 0.25
-_INERTIA_STATES = 50
 # Simulations at perturbed parameters that tell how far their uncertainty moves the instruments.
 _DRAWS = 6
 _THREADS = 2
@@ -161,9 +160,8 @@ class SimulatedLoop:
 
     def _joint_inertia(self, values: FloatArray) -> FloatArray:
         """(n_joints,) kg m² (kg), over a few positions."""
-        position = self.motions[0].position
-        sample = position[:: max(1, len(position) // _INERTIA_STATES)]
-        return joint_inertia(self.model.robot, self.model.dynamic_parameters(values), sample)
+        parameters = self.model.dynamic_parameters(values)
+        return joint_inertia(self.model.robot, parameters, self.motions[0].position)
 
     def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
         """J_j(values) / J_j(robot), 1 where they are close."""

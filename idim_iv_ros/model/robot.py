@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -51,6 +51,17 @@ class RobotModel:
     # What of the URDF is possible but hard to believe, a sentence each
     doubts: tuple[str, ...] = ()
     armature_given: bool = False  # Whether anything says what inertia the drives have
+
+    @property
+    def gravity(self) -> FloatArray:
+        """(3,) m/s² in the base frame."""
+        return np.array(self.pinocchio.gravity.linear)
+
+    def with_gravity(self, gravity: FloatArray) -> "RobotModel":
+        """Return the robot under another gravity (3,), m/s²."""
+        model = self.pinocchio.copy()
+        model.gravity.linear = gravity
+        return replace(self, pinocchio=model)
 
     @property
     def has_inertials(self) -> bool:

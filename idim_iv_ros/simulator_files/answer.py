@@ -85,7 +85,7 @@ def read_answer(
         for cause in structural
         if cause.indistinguishable_from
     )
-    given = np.array(model.robot.pinocchio.gravity.linear)
+    given = model.robot.gravity
     corrected = CorrectedModel(physical.parameters, (), (), given)
     if gap is not None and not refit:
         make = with_remainder if remainder else corrected_model

@@ -126,7 +126,7 @@ def corrected_model(
     changed: dict[str, tuple[float, float | None]] = {}
     loads: list[Load] = []
     effects: list[SimulatedEffect] = []
-    gravity = np.array(robot.pinocchio.gravity.linear)
+    gravity = robot.gravity
     for cause in causes:
         part = part_of(cause.effect)
         if part == "torque scale":

@@ -66,7 +66,7 @@ def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) ->
     spec.modelname = robot.name
     spec.compiler.degree = False
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.gravity = robot.pinocchio.gravity.linear
+    spec.option.gravity = robot.gravity
     turned = link_frames(robot).turned
     bodies = [spec.worldbody]
     for tree, joint in enumerate(robot.order, start=1):

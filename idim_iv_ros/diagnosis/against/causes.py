@@ -9,10 +9,8 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.against.changes import Changes, NumberChange, rms_of
 from idim_iv_ros.diagnosis.against.sets import TwoSets
 from idim_iv_ros.diagnosis.answer.causes import rivals_of
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import CommandRows
 from idim_iv_ros.diagnosis.result.causes import Evidence
 from idim_iv_ros.diagnosis.result.recordings import ContrastCause, JointTorque
@@ -27,14 +25,6 @@ WHERE = {"reference": "in the reference recordings only", "against": "in the sec
 def side_of(sets: TwoSets, term: Term) -> str:
     """The set whose recordings a term acts in: ``reference`` or ``against``."""
     return "against" if (term.candidate.scope or sets.first) <= sets.second else "reference"
-
-
-def numbers_in(data: Baseline, term: Term | None) -> Parameters:
-    """Numbers of a structural term, none where there is none."""
-    if term is None:
-        return {}
-    numbers = term.effect.parameters(term.shape, term.coefficients, term.deviations)
-    return data.in_units_at(term.place.joint, numbers)
 
 
 def torques_of(
@@ -55,14 +45,17 @@ def torques_of(
 
 def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
-    data, made = sets.data, []
+    data, space, made = sets.data, changes.selection.comparison.catalogue.space, []
     places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
     for term in changes.accepted:
-        if term.candidate.kind is Kind.EFFECT:
+        if term.is_effect:
             places.setdefault(term.key[:3], {})[side_of(sets, term)] = term
     for place, sides in sorted(places.items(), key=lambda item: item[0]):
         terms = list(sides.values())
-        one, other = (numbers_in(data, sides.get(side)) for side in WHERE)
+        one, other = (
+            data.in_units_at(term.place.joint, term.parameters(space)) if term else {}
+            for term in map(sides.get, WHERE)
+        )
         joints = [data.joints[joint] for joint in terms[0].place.joints]
         text = f"{spaced(place[0])} at {' and '.join(joints)}"
         said, said_other = (listed_numbers(place[0], of_set) for of_set in (one, other))

@@ -7,8 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
-from idim_iv_ros.diagnosis.answer.numbers import numbers_of, parameters_of
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.answer.numbers import parameters_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
@@ -165,7 +164,7 @@ def _parametric_cause(
     term, effect = judgement.term, judgement.term.candidate.effect
     assert isinstance(effect, ParametricEffect)
     space = explanation.selection.comparison.catalogue.space
-    joint = None if term.candidate.place is None else term.candidate.place.joint
+    joint = term.key[1]
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
     if joint is not None and term.candidate.is_not_given(space):
@@ -186,7 +185,7 @@ def _parametric_cause(
         kind="parametric",
         joint=name,
         sentence="",
-        parameters=numbers_of(term, explanation),
+        parameters=term.parameters(space),
         probability=judgement.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
@@ -212,12 +211,13 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
 def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
     made, last = [], explanation.tested.stages[-1]
+    space = explanation.selection.comparison.catalogue.space
     for judgement in explanation.doubtful:
         term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
             continue
         joints = [data.joints[joint] for joint in place.joints]
-        numbers = data.in_units_at(place.joint, numbers_of(term, explanation))
+        numbers = data.in_units_at(place.joint, term.parameters(space))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
         rest = last.torque_rms[joints[0]]
         made.append(
@@ -229,7 +229,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
                 reason=judgement.reason,
                 probability=judgement.too_unsure,
                 parameters=numbers,
-                chosen_in_folds=judgement.chosen if term.candidate.kind is Kind.EFFECT else "",
+                chosen_in_folds=judgement.chosen if term.is_effect else "",
                 torque_gap=Gap(float(np.hypot(rest, share)), rest),
             )
         )

@@ -129,7 +129,7 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         fits.append(regression.fit(fits[-1].noise_models, steps=_MORE_STEPS))
     outside = (
         *selection.curves,
-        *(d.term for d in doubtful if d.term.candidate.kind is Kind.EFFECT and d.outside),
+        *(d.term for d in doubtful if d.term.is_effect and d.outside),
     )
     more = [term.columns for term in outside if matters(term)]
     more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
@@ -281,8 +281,7 @@ def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:
     share = float(term.whole.max())
     if share < settings.LEAST_SHARE:
         return f"it is {100.0 * share:.2g} % of the torque: too small to matter", False
-    structural = term.candidate.kind is Kind.EFFECT
-    if structural and float(term.visible.max()) < settings.ADEQUATE * beyond:
+    if term.is_effect and float(term.visible.max()) < settings.ADEQUATE * beyond:
         return "most of what remains at its joint is something else", True
     return "", False
 

@@ -13,28 +13,16 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray, IntArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
 _USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anything is recorded
 _COEFFICIENT_STEP = 1e-4  # of the coefficient
-
-
-def numbers_of(term: Term, explanation: Explained) -> dict[str, EffectParameter]:
-    """Parameters of a term at its shape, with the deviations beside all other errors."""
-    effect, values, deviations = term.candidate.effect, term.coefficients, term.deviations
-    if not isinstance(effect, ParametricEffect):
-        return effect.parameters(term.shape, values, deviations)
-    joint = None if term.candidate.place is None else term.candidate.place.joint
-    estimates = term.candidate.estimates(values, deviations)
-    return effect.parameters(explanation.selection.comparison.catalogue.space, joint, estimates)
 
 
 def parameters_of(

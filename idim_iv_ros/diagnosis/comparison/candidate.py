@@ -116,7 +116,7 @@ class Catalogue:
     ) -> None:
         self.data = data
         model = data.prepared.model
-        axes = level_axes(np.asarray(model.robot.pinocchio.gravity.linear))
+        axes = level_axes(model.robot.gravity)
         still = {joint for joint in range(len(data.joints)) if too_little(joint, data.covered)}
         missing = numbers_not_given(data.prepared)
         not_given = frozenset((kind, joint) for kind, joint in missing if joint not in still)
@@ -262,9 +262,8 @@ class Catalogue:
         """Why no arm has these coefficients (w,); empty where one may have."""
         effect, place = candidate.effect, candidate.place
         if isinstance(effect, ParametricEffect):
-            joint = None if place is None else place.joint
             estimates = candidate.estimates(coefficients, deviations)
-            fits = effect.admissible(self.space, joint, estimates)
+            fits = effect.admissible(self.space, candidate.key[1], estimates)
             return "" if fits else "its numbers are those of no arm"
         assert place is not None and shape is not None
         if not effect.admissible(shape, coefficients):
@@ -276,7 +275,7 @@ def change_rows(data: Baseline, space: ParameterSpace) -> tuple[FloatArray, ...]
     """Rows (r_j, d) of unit changes of all numbers of a space, for each joint, N m."""
     b, units = data.regression.parameters, []
     # Per small rotation of gravity about each axis, N m/rad.
-    down = np.asarray(data.prepared.model.robot.pinocchio.gravity.linear)
+    down = data.prepared.model.robot.gravity
     gravity = unit_gravity_rows(data, np.array([np.cross(axis, down) for axis in space.axes]))
     for joint, rows in enumerate(data.regression.joints):
         unit = np.zeros((len(rows), space.size))

@@ -53,7 +53,7 @@ class Comparison:
 
         Curves that are another form of one of them, or of an effect that is `replaced`, are out.
         """
-        effects = [t for t in terms if t.candidate.kind is Kind.EFFECT]
+        effects = [term for term in terms if term.is_effect]
         forms = {
             (curve.name, *term.key[1:])
             for term in (effects if replaced is None else [*effects, replaced])
@@ -121,10 +121,8 @@ class Comparison:
 
     def misfit(self, terms: Sequence[Term]) -> FloatArray:
         """τ₀² (n_joints,): what shapes of the catalogue miss, alone and beside other effects."""
-        others = np.zeros(len(self.options.ledger.joints))
-        for term in terms:
-            if term.candidate.kind is Kind.EFFECT:
-                others += term.visible**2
+        nothing = np.zeros(len(self.options.ledger.joints))
+        others = sum((term.visible**2 for term in terms if term.is_effect), nothing)
         return settings.MISFIT**2 + settings.MISFIT_OF_OTHERS**2 * others
 
     def _visible_one(self, model: ModelWithTerms) -> Term | None:
@@ -141,11 +139,9 @@ class Comparison:
 
     def _counts(self, term: Term, model: ModelWithTerms) -> bool:
         """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
-        others = np.zeros(len(term.whole))
-        for other in model.terms:  # numbers are exact, shapes are not
-            if other.candidate.kind is not Kind.EFFECT:
-                continue
-            others = np.maximum(others, np.minimum(other.whole, 1.0))
+        # Numbers are exact, shapes are not.
+        shares = [np.minimum(other.whole, 1.0) for other in model.terms if other.is_effect]
+        others = np.max([np.zeros(len(term.whole)), *shares], axis=0)
         least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
         return bool(np.any(term.visible > least))
 
@@ -379,6 +375,6 @@ def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
     """Joints (n_joints,) where a structural effect stands."""
     there = np.zeros(joints, dtype=bool)
     for term in terms:
-        if term.candidate.kind is Kind.EFFECT and term.candidate.place is not None:
-            there[list(term.candidate.place.joints)] = True
+        if term.is_effect:
+            there[list(term.place.joints)] = True
     return there

@@ -9,7 +9,6 @@ from importlib import resources
 import numpy as np
 from scipy.special import expit
 
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import Chosen
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.types import FloatArray
@@ -71,7 +70,7 @@ def features(
     beyond = float(remaining[int(np.argmax(term.visible))])
     least = float(np.min(chosen.gains[:, number]))
     # Shapes of effects are never exact: a small term beside large ones may be their misfit.
-    shares = [float(o.visible.max()) for o in others if o.candidate.kind is Kind.EFFECT]
+    shares = [float(o.visible.max()) for o in others if o.is_effect]
     rest = float(np.linalg.norm(shares))
     return np.array(
         [

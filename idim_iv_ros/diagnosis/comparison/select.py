@@ -110,7 +110,7 @@ def _curve_in_place(
     best, most = None, float(settings.LEAST_SUPPORT)
     usual = comparison.objective((*terms, *curves))
     for term in terms:
-        if term.candidate.kind is not Kind.EFFECT:
+        if not term.is_effect:
             continue
         others = [*(other for other in terms if other is not term), *curves]
         curve = comparison.curve(others, term)

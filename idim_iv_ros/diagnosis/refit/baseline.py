@@ -67,11 +67,6 @@ class Baseline:
         """(r_j,) of each joint: which recording each row belongs to."""
         return self.of_joints([np.full(len(m.kept), k) for k, m in enumerate(self.motions)])
 
-    @cached_property
-    def places(self) -> tuple[IntArray, ...]:
-        """(r_j,) of each joint: which decimated sample of its recording each row is."""
-        return self.of_joints([np.arange(len(motion.kept)) for motion in self.motions])
-
     def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
         """Return the same on other motions, with friction that sticks as theirs does."""
         model, parts = self.prepared.model, [[] for _ in self.joints]  # type: ignore[var-annotated]
@@ -107,13 +102,6 @@ class Baseline:
         """RMS (n_joints,) of the recorded torque of each joint, N m (N)."""
         return np.maximum([rms(rows.torque) for rows in self.regression.joints], 1e-300)
 
-    @property
-    def slowest(self) -> FloatArray:
-        """Speeds (n_joints,) that count, rad/s (m/s); where rows of all do, a share of the peak."""
-        peaks = np.max([np.abs(m.velocity).max(axis=0) for m in self.motions], axis=0)
-        least = settings.LEAST_SPEED_SHARE * peaks
-        return np.asarray(np.maximum(self.prepared.minimum_speed, least))
-
     @cached_property
     def covered(self) -> OperatingRange:
         """What the recordings cover."""
@@ -122,11 +110,14 @@ class Baseline:
         def largest(name: str) -> FloatArray:
             return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], 0))
 
+        fastest = largest("velocity")
+        # Where rows of all speeds count, those that do are a share of the peak.
+        least = settings.LEAST_SPEED_SHARE * fastest
         return OperatingRange(
             low=np.min([m.position.min(axis=0) for m in motions], axis=0),
             high=np.max([m.position.max(axis=0) for m in motions], axis=0),
-            slowest=self.slowest,
-            fastest=largest("velocity"),
+            slowest=np.maximum(self.prepared.minimum_speed, least),
+            fastest=fastest,
             mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
             load=largest("load"),
             torque=largest("torque"),

@@ -187,7 +187,7 @@ def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, Int
     numbers, samples = [], []
     for recording in (repeat.first, repeat.second):
         motion, rows = motions[recording], np.flatnonzero(data.recordings[joint] == recording)
-        kept = motion.decimation.kept[data.places[joint][rows]]
+        kept = motion.decimation.kept[motion.kept[:, joint]]
         numbers.append(rows)
         samples.append(fastest / motion.signals.rate * (motion.span.start + kept))
     if len(numbers[1]) == 0:

@@ -90,9 +90,8 @@ def _noise_limit(prepared: PreparedRegression) -> float:
     rows = observation_rows(model, motions)
     require_excitation(prepared, rows)
     values = solve_least_squares(rows, len(model.base.columns)).values
-    position = motions[0].position
-    sample = position[:: max(1, len(position) // 50)]
-    inertia = np.abs(joint_inertia(model.robot, model.dynamic_parameters(values), sample))
+    parameters = model.dynamic_parameters(values)
+    inertia = np.abs(joint_inertia(model.robot, parameters, motions[0].position))
     noise_of_inertia = np.maximum(inertia * _noise(motions, "position"), 1e-30)
     ratio = _noise(motions, "torque") / noise_of_inertia
     return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)

@@ -21,7 +21,6 @@ from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
 from idim_iv_ros.diagnosis.result.document import NotTestable, Stage
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
-from idim_iv_ros.model import RobotModel
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
@@ -185,7 +184,7 @@ def _with_friction(data: Baseline) -> Refit:
 def missing_gravity(data: Baseline) -> MissingGravity | None:
     """Look for gravity where the configuration has none; None where it has, or none shows."""
     robot = data.prepared.model.robot
-    if np.any(np.asarray(robot.pinocchio.gravity.linear)) or data.prepared.why_no_given:
+    if robot.gravity.any() or data.prepared.why_no_given:
         return None
     columns, regression = unit_gravity_rows(data, np.eye(3)), data.regression
     plain = regression.fitted
@@ -212,7 +211,7 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
 def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:
     """Torque of the given links under each of k gravities (k, 3): (r_j, k) for each joint, N m."""
     robot = data.prepared.model.robot
-    tilted = [_with_gravity(robot, acceleration) for acceleration in accelerations]
+    tilted = [robot.with_gravity(acceleration) for acceleration in accelerations]
     bodies = robot.given.of_links
     torques = []  # (s, n_joints, k) of each recording
     for motion in data.motions:
@@ -223,9 +222,3 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
         data.decimated(joint, [torque[:, joint] for torque in torques])
         for joint in range(len(robot.joints))
     ]
-
-
-def _with_gravity(robot: RobotModel, gravity: FloatArray) -> RobotModel:
-    model = robot.pinocchio.copy()
-    model.gravity.linear = gravity
-    return replace(robot, pinocchio=model)

@@ -33,7 +33,6 @@ LEAST_LEAD = _LEADS[0]  # no solver's: the likeliest lead is one that is shorter
 _SOFTNESS = (1.0 / 9.0, 0.25, 0.5, 1.0)
 _FINER = (1.1, 1.05, 1.025)  # factors of a lead; of the softness their third power
 _PARTS = 8  # of a step of the motion's grid, over which the direction of the friction is averaged
-_STATES = 50  # from which the inertia of a joint is taken
 _STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
 
 Crossing = tuple[float, float]  # lead, s, and softness of the dry friction of a joint
@@ -97,9 +96,8 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
     every: list[int] = [j for j in np.flatnonzero(rubs).tolist() if len(data.columns_of(j, "Fc"))]
     if not every:
         return None
-    position = data.motions[0].position
-    sample = position[:: max(1, len(position) // _STATES)]
-    inertia = np.abs(joint_inertia(data.prepared.model.robot, whole, sample))
+    robot, position = data.prepared.model.robot, data.motions[0].position
+    inertia = np.abs(joint_inertia(robot, whole, position))
     widest = level / np.maximum(inertia, 1e-12)  # of the crossing, per unit of lead and softness
     fit, fine = data.regression.fitted, [_fine(motion) for motion in data.motions]
 
