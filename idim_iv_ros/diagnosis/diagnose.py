@@ -194,7 +194,7 @@ def concluded(
     seconds = sum(recording.duration for recording in prepared.recordings)
     unchecked = why_not_checked(data)
     notes = [
-        refit.shift.sentence(data.joints),
+        refit.shift.sentence,
         *signal_notes(data.joints, explanation.selection.terms),
         refit.turning and refit.turning.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
@@ -260,7 +260,7 @@ def concluded(
         why_no_physical=why_not,
         kinematics=kinematics_digest(prepared.model.robot),
         parameter_errors=errors,
-        signal_chain=refit.shift.part_of_result(data.joints, speed),
+        signal_chain=replace(refit.shift.chain, law_speed=speed),
         friction_leads={} if refit.turning is None else refit.turning.soft_leads(data.joints),
         recordings=recordings,
         transmissions=tuple(measured.result for measured in transmissions),

@@ -49,18 +49,18 @@ def effort_of(recording: Recording) -> np.ndarray:
 
 def test_a_measured_torque_is_not_shifted(data: Baseline) -> None:
     _, chain = aligned(data)
-    assert chain.std is not None
-    assert abs(chain.shift) < 3.0 * chain.std
-    assert chain.agreeing.all()
+    assert chain.common.std is not None
+    assert abs(chain.common.value) < 3.0 * chain.common.std
+    assert not chain.chain.differing
 
 
 def test_a_held_command_is_half_a_period_later_than_its_mean(arm, data) -> None:
     command = simulated_arms.record(arm, 1).truth.torque
     mean = 0.5 * (command + np.vstack([command[:1], command[:-1]]))  # what acts around each sample
     chains = [aligned(with_effort(data, effort))[1] for effort in (command, mean)]
-    assert all(chain.agreeing.all() for chain in chains)
-    assert chains[0].shift - chains[1].shift == pytest.approx(0.5 * PERIOD, rel=0.02)
-    assert abs(chains[1].shift) < 3.0 * chains[1].std
+    assert all(not chain.chain.differing for chain in chains)
+    assert chains[0].common.value - chains[1].common.value == pytest.approx(0.5 * PERIOD, rel=0.02)
+    assert abs(chains[1].common.value) < 3.0 * chains[1].common.std
 
 
 @pytest.mark.parametrize("delay", [-0.8e-3, 1.3e-3, 6e-3])
@@ -68,7 +68,7 @@ def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> N
     effort = effort_of(recorded(arm, 1))
     _, plain = aligned(data)
     shifted, chain = aligned(with_effort(data, later(effort, [delay, delay], arm.rate)))
-    assert chain.shift - plain.shift == pytest.approx(delay, abs=0.03 * PERIOD)
+    assert chain.common.value - plain.common.value == pytest.approx(delay, abs=0.03 * PERIOD)
     rows = [row.torque for row in shifted.regression.joints]
     for restored, original in zip(rows, aligned(data)[0].regression.joints, strict=True):
         inner = slice(20, -20)
@@ -79,10 +79,10 @@ def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> N
 def test_a_joint_that_is_later_than_the_other_keeps_its_delay(arm, data) -> None:
     effort = effort_of(recorded(arm, 1))
     _, chain = aligned(with_effort(data, later(effort, [0.0, 4e-3], arm.rate)))
-    assert chain.std is not None
-    assert abs(chain.shift) < 3.0 * chain.std
-    assert chain.agreeing.tolist() == [True, False]
-    assert "joint_2 differs" in chain.sentence(data.joints)
+    assert chain.common.std is not None
+    assert abs(chain.common.value) < 3.0 * chain.common.std
+    assert chain.chain.differing == ("joint_2",)
+    assert "joint_2 differs" in chain.sentence
 
 
 def early(recording: Recording, arm: SimulatedArm, delay: float) -> Recording:
@@ -122,6 +122,7 @@ def test_a_command_that_is_held_and_computed_for_a_period_is_no_cause(delay, con
 
 def test_of_two_joints_that_differ_the_earlier_has_the_common_shift() -> None:
     """A measured effort is a mean over the period before; one drive is late by 0.9 ms beyond it."""
-    chain = _chain(np.array([-0.15e-3, -1.03e-3]), np.array([2e-5, 2e-5]), 2e-3, 0.0)
-    assert chain.agreeing.tolist() == [False, True]
-    assert chain.shift == pytest.approx(-1.03e-3)
+    shifts, deviations = np.array([-0.15e-3, -1.03e-3]), np.array([2e-5, 2e-5])
+    chain = _chain(["joint_1", "joint_2"], shifts, deviations, 2e-3)
+    assert chain.differing == ("joint_1",)
+    assert chain.effort_shift.value == pytest.approx(-1.03e-3)

@@ -137,7 +137,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     early = on_likelier_motion(data)
     if not early.shift.beyond_control:
         return early
-    delay, prepared, support = early.shift.shift, data.prepared, 0.0
+    delay, prepared, support = early.shift.common.value, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
     if of_stamps.sticking:

@@ -8,7 +8,7 @@ is longer than that is a cause itself.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.result.recordings import SignalChain
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.simulation import control_period
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _EARLIEST_SHIFT = -1.0  # control periods: what a single joint tells of the recording
 _SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first order only
@@ -29,31 +29,28 @@ _SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first orde
 class EffortShift:
     """Time from the recorded effort to the torque on the joints, s.
 
-    `shift`, `std`: common to the `agreeing` joints; positive where the effort is recorded before it
-    acts; zero, with `std` None, where no common shift can be said. `period`, `configured`: of the
-    control, and the delay that the configured law has. `joint_shifts`, `joint_stds`: (n_joints,).
+    `chain`: as it is reported, without the speed of the law; positive where the effort is recorded
+    before it acts; `period`, `configured`: of the control, and the delay that the configured law
+    has.
     """
 
-    shift: float
-    std: float | None
+    chain: SignalChain
     period: float
     configured: float
-    joint_shifts: FloatArray
-    joint_stds: FloatArray
-    agreeing: BoolArray
 
     @property
     def common(self) -> EffectParameter:
-        """The common shift, s."""
-        return EffectParameter(self.shift, self.std, "s")
+        """Shift of all joints that do not differ; zero, with no deviation, where there is none."""
+        return self.chain.effort_shift
 
     @property
     def beyond_control(self) -> bool:
         """Whether most joints share more than a command makes that is held and computed."""
-        shared = int(self.agreeing.sum())
-        if self.std is None or shared < 2 or 2 * shared <= len(self.agreeing):
+        shift, joints = self.common, len(self.chain.joint_shifts)
+        shared = joints - len(self.chain.differing)
+        if shift.std is None or shared < 2 or 2 * shared <= joints:
             return False
-        return is_beyond_control(self.shift - self.configured, self.std, self.period)
+        return is_beyond_control(shift.value - self.configured, shift.std, self.period)
 
     def cause(
         self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
@@ -63,15 +60,15 @@ class EffortShift:
         `support`: by how much the logarithm of the likelihood is higher with the delay in the loop;
         0 where no loop is simulated.
         """
-        assert self.std is not None
+        delay = replace(self.common, value=self.common.value - self.configured)
+        assert delay.std is not None
         pairs = enumerate(zip(before, after, strict=True))
         changes = [data.joint_change(joint, *gaps) for joint, gaps in pairs]
         changes.sort(key=lambda change: -change.share_of_torque)
         which = "which this recording cannot tell"
         if abs(support) >= settings.LEAST_SUPPORT:
             which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
-        delay = EffectParameter(self.shift - self.configured, self.std, "s")
-        half = 1e3 * settings.NORMAL_95 * self.std
+        half = 1e3 * settings.NORMAL_95 * delay.std
         sentence = (
             f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
             f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "
@@ -81,30 +78,19 @@ class EffortShift:
         )
         return delay_of_all(delay, before, after, sentence, changes)
 
-    def part_of_result(self, joints: Sequence[str], law_speed: str | None) -> SignalChain:
-        """Return it by the names of the joints, with the speed of the law in words."""
-        pairs = zip(self.joint_shifts.tolist(), self.joint_stds.tolist(), strict=True)
-        shifts = [EffectParameter(s, std if np.isfinite(std) else None, "s") for s, std in pairs]
-        by_joint = dict(zip(joints, shifts, strict=True))
-        periods = self.shift / self.period
-        return SignalChain(self.common, periods, by_joint, self._differing(joints), law_speed)
-
-    def _differing(self, joints: Sequence[str]) -> tuple[str, ...]:
-        """Names of the joints that do not share the common shift."""
-        return tuple(name for name, same in zip(joints, self.agreeing, strict=True) if not same)
-
-    def sentence(self, joints: Sequence[str]) -> str:
+    @property
+    def sentence(self) -> str:
         """Say it with its size in periods of the control."""
-        if self.std is None:
+        shift, others = self.common.value, self.chain.differing
+        if self.common.std is None:
             return "the effort's common shift in time cannot be determined on this recording"
-        when = "before it acts" if self.shift >= 0.0 else "after it acts"
-        half = 1e3 * settings.NORMAL_95 * self.std
+        when = "before it acts" if shift >= 0.0 else "after it acts"
+        half = 1e3 * settings.NORMAL_95 * self.common.std
         text = (
-            f"the effort is recorded {1e3 * abs(self.shift):.3f} ± {half:.2g} ms {when} "
-            f"({abs(self.shift) / self.period:.2f} control periods), and aligned by that: a "
+            f"the effort is recorded {1e3 * abs(shift):.3f} ± {half:.2g} ms {when} "
+            f"({abs(self.chain.periods):.2f} control periods), and aligned by that: a "
             "command that is held over its period acts half a period late"
         )
-        others = self._differing(joints)
         if others:
             text += f"; {', '.join(others)} differ{'s' if len(others) == 1 else ''} from the others"
         return text
@@ -156,14 +142,14 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
     for _ in range(_SHIFT_STEPS):
         fit = shifted.regression.with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
-        chain = _chain(shifted.shift + fit.coefficients, deviations, period, controller.delay)
-        shifted = data.later(chain.shift)
-    return shifted, chain
+        chain = _chain(data.joints, shifted.shift + fit.coefficients, deviations, period)
+        shifted = data.later(chain.effort_shift.value)
+    return shifted, EffortShift(chain, period, controller.delay)
 
 
 def _chain(
-    shifts: FloatArray, deviations: FloatArray, period: float, configured: float
-) -> EffortShift:
+    joints: Sequence[str], shifts: FloatArray, deviations: FloatArray, period: float
+) -> SignalChain:
     """Shift that most joints share; of as many, the earliest: a joint can only be later."""
     usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
     likely = (shifts >= _EARLIEST_SHIFT * period) & (shifts <= settings.LONGEST_LAG * period)
@@ -183,4 +169,12 @@ def _chain(
         shift = float(np.sum(weights * shifts[best]) / weights.sum())
         spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
         std = float(np.sqrt(max(1.0, spread) / weights.sum()))
-    return EffortShift(shift, std, period, configured, shifts, deviations, best)
+    pairs = zip(shifts.tolist(), deviations.tolist(), strict=True)
+    by_joint = [EffectParameter(s, d if np.isfinite(d) else None, "s") for s, d in pairs]
+    return SignalChain(
+        effort_shift=EffectParameter(shift, std, "s"),
+        periods=shift / period,
+        joint_shifts=dict(zip(joints, by_joint, strict=True)),
+        differing=tuple(name for name, same in zip(joints, best, strict=True) if not same),
+        law_speed=None,
+    )
