@@ -187,7 +187,7 @@ class _Ranking:
         self.bound = bound + prior.log
         order = np.argsort(-self.bound)[:_LOOKED_AT]
         self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
-        self._directions = self._eigen()
+        self._along = self._eigen()
         self.dispersion = np.ones(len(self.order))
         plain = self._log_bayes(np.zeros(len(self.order)))
         self.dispersion = self._dispersions(plain)
@@ -196,15 +196,14 @@ class _Ranking:
         misfit = comparison.shares_of_joints @ comparison.misfit(model.terms)
         self.capped = self._log_bayes(misfit[options.candidate[self.order]])
 
-    def _eigen(self) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-        """Scores z and information λ (k, w), and directions (w, w), of the options in the order.
+    def _eigen(self) -> tuple[FloatArray, FloatArray]:
+        """Scores z and information λ (k, w) of the options in the order, in their eigenbases.
 
-        Of unit size; zero, all three, in directions that the model takes.
+        Of unit size; zero, both, in directions that the model takes.
         """
         options = self.comparison.options
         widths = options.width[self.order]
         scores, information = np.zeros((2, len(widths), int(widths.max(initial=1))))
-        directions: list[FloatArray] = [np.zeros((0, 0))] * len(widths)
         for w in np.unique(widths):
             rows = np.flatnonzero(widths == w)
             places = options.place[self.order[rows]]
@@ -214,21 +213,21 @@ class _Ranking:
             information[rows, :w] = np.where(seen, values, 0.0)
             along = np.matmul(score[:, None, :], vectors)[:, 0, :]
             scores[rows, :w] = np.where(seen, along / np.sqrt(np.where(seen, values, 1.0)), 0.0)
-            for row, table in zip(rows, vectors * seen[:, None, :], strict=True):
-                directions[row] = table
-        return scores, information, directions
+        return scores, information
 
     def _seen(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Scores z, information λ and directions (w, k) of one option, where there is any."""
-        scores, information, directions = self._directions
+        options, k = self.comparison.options, self.order[row]
+        scores, information = self._along
         seen = np.flatnonzero(information[row] > 0.0)
-        return scores[row, seen], information[row, seen], directions[row][:, seen]
+        _, vectors = np.linalg.eigh(self.products[int(options.width[k])][0][options.place[k]])
+        return scores[row, seen], information[row, seen], vectors[:, seen]
 
     def _log_bayes(self, misfit: FloatArray) -> FloatArray:
         """Of the options in their order, with the present dispersion: (k,)."""
         if not len(self.order):
             return np.zeros(0)
-        scores, information, _ = self._directions
+        scores, information = self._along
         by = self.dispersion[:, None]
         return log_bayes_factor(scores / np.sqrt(by), information / by, misfit)
 
@@ -262,7 +261,7 @@ class _Ranking:
     @cached_property
     def _shrunk(self) -> FloatArray:
         """Factors (k, w) by which scores of the options in the order are drawn to zero."""
-        scores, information, _ = self._directions
+        scores, information = self._along
         by = self.dispersion[:, None]
         return shrunk(scores / np.sqrt(by), information / by)
 
@@ -271,15 +270,12 @@ class _Ranking:
         options, prior = self.comparison.options, self.comparison.prior
         present = self.capped + prior.of_presence[self.order] > prior.nothing
         score = np.where(present, self.score, -np.inf)
-        kept: list[tuple[int, int]] = []
-        chosen: tuple[int, FloatArray, FloatArray, FloatArray] | None = None
-        for row in np.argsort(-score):
+        kept: list[int] = []
+        of_best, least = None, prior.nothing - 6.0
+        for row in np.argsort(-score).tolist():
+            if score[row] < least:
+                break
             k = int(self.order[row])
-            low = score[row] < prior.nothing - 6.0
-            if not np.isfinite(score[row]) or low:
-                break
-            if kept and score[row] < score[kept[0][1]] - settings.NEAR:
-                break
             acts_with = options.candidates[options.candidate[k]].effect.acts_with
             alone = acts_with and acts_with not in self.parts
             if alone or options.keys[options.key[k]] in banned:
@@ -287,12 +283,10 @@ class _Ranking:
             numbers = self._numbers(row)
             if numbers is None:
                 continue
-            if chosen is None:
-                chosen = (k, *numbers)
-            kept.append((k, int(row)))
-        if chosen is None:
-            return None
-        return self._term(kept, *chosen)
+            if of_best is None:
+                of_best, least = numbers, max(least, float(score[row]) - settings.NEAR)
+            kept.append(row)
+        return None if of_best is None else self._term(kept, *of_best)
 
     def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""
@@ -305,7 +299,7 @@ class _Ranking:
         basis = comparison.nominal.basis[w][place]
         spread = basis @ (vectors / np.sqrt(values))
         deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row])
-        unit = vectors @ (self._shrunk[row, self._directions[1][row] > 0.0] * z / np.sqrt(values))
+        unit = vectors @ (self._shrunk[row, self._along[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
         candidate, shape = options.named(k)
         if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
@@ -314,27 +308,25 @@ class _Ranking:
 
     def _term(
         self,
-        kept: Sequence[tuple[int, int]],
-        option: int,
+        kept: Sequence[int],
         unit: FloatArray,
         coefficients: FloatArray,
         deviations: FloatArray,
     ) -> Term:
-        comparison, options = self.comparison, self.comparison.options
-        prior = comparison.prior
+        """The first of the rows that are `kept`, with the others of them as its rivals."""
+        comparison, options, row = self.comparison, self.comparison.options, kept[0]
+        prior, nominal, option = comparison.prior, comparison.nominal, int(self.order[row])
         candidate, shape = options.named(option)
         w, place = int(options.width[option]), options.place[option]
-        basis = comparison.nominal.basis[w][place]
-        row = kept[0][1]
-        nominal = comparison.nominal
+        basis = nominal.basis[w][place]
         plain = nominal.columns(option)
         left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(w, place))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
-        score = np.array([self.score[number] for _, number in kept])
         keys: dict[Key, float] = {}
-        for (k, _), weight in zip(kept, softmax(score), strict=True):
+        weights = softmax(self.score[list(kept)]).tolist()
+        for k, weight in zip(self.order[list(kept)], weights, strict=True):
             key = options.keys[options.key[k]]
-            keys[key] = keys.get(key, 0.0) + float(weight)
+            keys[key] = keys.get(key, 0.0) + weight
         odds = float(self.capped[row]) + prior.odds_of_presence(candidate.key)
         inverse = np.linalg.pinv(basis)
         lines = {joint: table @ inverse for joint, table in plain.items()}
