@@ -10,13 +10,14 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import block_sums, gap_of, time_blocks
+from idim_iv_ros.diagnosis.refit.held_out import gap_of, time_blocks
 from idim_iv_ros.diagnosis.result.causes import SimulationGap
 from idim_iv_ros.diagnosis.result.document import TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulation.closed_loop import replay
+from idim_iv_ros.statistics.bootstrap import energies, roots
 from idim_iv_ros.types import FloatArray
 
 
@@ -41,8 +42,7 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        sums = self.block_energies.sum(axis=0)
-        return dict(zip(self.joints, np.sqrt(sums[:-1] / sums[-1]).tolist(), strict=True))
+        return dict(zip(self.joints, roots(self.block_energies.sum(axis=0)).tolist(), strict=True))
 
     @cached_property
     def block_energies(self) -> FloatArray:
@@ -50,7 +50,7 @@ class Tracking:
         sums = []
         for error, rate in zip(self.errors, self.rates, strict=True):
             (blocks,) = time_blocks([len(error)], rate)
-            sums.append(block_sums(blocks, np.column_stack([error**2, np.ones(len(error))])) / rate)
+            sums.append(energies(error, blocks) / rate)
         return np.concatenate(sums)
 
 

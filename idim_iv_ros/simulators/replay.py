@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.held_out import block_sums, interval, resampled, time_blocks
+from idim_iv_ros.diagnosis.refit.held_out import time_blocks
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW
 from idim_iv_ros.errors import DataError, UsageError
@@ -44,6 +44,7 @@ from idim_iv_ros.simulators.replay_result import (
     ReplaySeries,
     ReplayStage,
 )
+from idim_iv_ros.statistics.bootstrap import energies, interval, resampled, roots
 from idim_iv_ros.types import FloatArray
 
 URDF = "urdf"
@@ -337,12 +338,11 @@ class _Comparison:
         """
         sums = []
         for motion, simulation, recording in zip(self.motions, simulated, recorded, strict=True):
-            squares = np.nan_to_num((simulation - recording)[motion.span] ** 2)
-            (blocks,) = time_blocks([len(squares)], motion.signals.rate)
-            sums.append(block_sums(blocks, np.column_stack([squares, np.ones(len(squares))])))
+            errors = np.nan_to_num((simulation - recording)[motion.span])
+            (blocks,) = time_blocks([len(errors)], motion.signals.rate)
+            sums.append(energies(errors, blocks))
         table = np.concatenate(sums)
-        total, draws = table.sum(axis=0), resampled(table)
-        rms, drawn = np.sqrt(total[:-1] / total[-1]), np.sqrt(draws[:, :-1] / draws[:, -1:])
+        rms, drawn = roots(table.sum(axis=0)), roots(resampled(table))
         shares = np.divide(rms, noise, out=np.full_like(rms, np.nan), where=noise > 0.0)
         return {
             name: ReplayError(float(error), *interval(column), float(share))

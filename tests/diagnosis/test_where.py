@@ -8,15 +8,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.held_out import (
-    block_sums,
-    folds_of,
-    held_out,
-    interval,
-    resampled,
-    row_blocks,
-    time_blocks,
-)
+from idim_iv_ros.diagnosis.refit.held_out import folds_of, held_out, row_blocks, time_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import Repeat, difference_energy, find_repeats
 from idim_iv_ros.diagnosis.where import (
     Axis,
@@ -30,6 +22,7 @@ from idim_iv_ros.diagnosis.where import (
 )
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.recording.recording import SessionPart
+from idim_iv_ros.statistics.bootstrap import block_sums, interval, resampled
 
 
 @pytest.mark.parametrize(

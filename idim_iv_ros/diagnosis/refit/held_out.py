@@ -1,12 +1,7 @@
-"""The torque gap of every stage on data that was not used to fit it.
-
-Intervals are those of a bootstrap over blocks of time: rows that follow one another are not
-independent.
-"""
+"""The torque gap of every stage on data that was not used to fit it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,13 +13,12 @@ from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM, Gap
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.statistics.bootstrap import energies, interval, resampled, roots
 from idim_iv_ros.types import FloatArray, IntArray
 
 # Weight of the held-out rows in the fit that predicts them: what only they show stays finite.
 _FOLD_LEAK = 1e-3
 _FEWEST_BLOCKS = 8  # in a short session: they are shorter then
-_RESAMPLES = 1000  # of the bootstrap
-_SEED = 20240
 
 
 def time_blocks(samples: Sequence[int], rate: float, length: float | None = None) -> list[IntArray]:
@@ -44,45 +38,13 @@ def time_blocks(samples: Sequence[int], rate: float, length: float | None = None
     return made
 
 
-def block_sums(blocks: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of values (r, …) in each block that has rows, one after the other: (b, …)."""
-    _, first = np.unique(blocks, return_index=True)
-    return np.asarray(np.add.reduceat(values, first, axis=0))
-
-
-def resampled(sums: FloatArray) -> FloatArray:
-    """Sums over blocks drawn with replacement: (1000, …) from (b, …).
-
-    The draws are the same for the same number of blocks, so that differences are paired.
-    """
-    return np.asarray(np.tensordot(_draws(len(sums)), sums, axes=1))
-
-
-@lru_cache(maxsize=4)
-def _draws(count: int) -> FloatArray:
-    """How often each of some blocks is drawn, (1000, count)."""
-    every = np.full(count, 1.0 / count)
-    return np.random.default_rng(_SEED).multinomial(count, every, size=_RESAMPLES).astype(float)
-
-
-def interval(values: FloatArray) -> tuple[float, float]:
-    """95 % interval of resampled values (1000,)."""
-    low, high = np.quantile(values, [0.025, 0.975])
-    return float(low), float(high)
-
-
-def energies(residual: FloatArray, blocks: IntArray) -> FloatArray:
-    """Sums of squares and of rows (b, 2) of a residual (r,) in each block (r,)."""
-    return block_sums(blocks, np.column_stack([residual**2, np.ones(len(residual))]))
-
-
 def stage_of(name: str, sums: Sequence[FloatArray], joints: Sequence[str]) -> Stage:
     """Stage from the `energies` (b, 2) of each joint, its tracking not yet known."""
     pairs = list(zip(joints, sums, strict=True))
     return Stage(
         name=name,
-        torque_rms={joint: float(_roots(blocks.sum(axis=0))) for joint, blocks in pairs},
-        torque_ci95={joint: interval(_roots(resampled(blocks))) for joint, blocks in pairs},
+        torque_rms={joint: float(roots(blocks.sum(axis=0))[0]) for joint, blocks in pairs},
+        torque_ci95={joint: interval(roots(resampled(blocks))) for joint, blocks in pairs},
         tracking_rms=None,
         note="",
     )
@@ -112,11 +74,11 @@ class HeldOut:
 
 def gap_of(before: FloatArray, after: FloatArray, floor: float | None = None) -> Gap:
     """Gap of two residuals from their `energies` (b, 2), with the interval of its shrinkage."""
-    one, two = (float(_roots(sums.sum(axis=0))) for sums in (before, after))
+    one, two = (float(roots(sums.sum(axis=0))[0]) for sums in (before, after))
     gap = Gap.between(one, two, floor)
     if gap.shrinkage is None:
         return gap
-    first, second = (_roots(resampled(sums)) for sums in (before, after))
+    first, second = (roots(resampled(sums))[:, 0] for sums in (before, after))
     room = first - (floor or 0.0)
     drawn = ((first - second) / np.where(room > 0.0, room, 1.0))[room > LEAST_ROOM * first]
     return replace(gap, ci95=interval(drawn) if len(drawn) > 20 else None)
@@ -250,8 +212,3 @@ def predicted(
                 inside_fold = fold == number
                 rest[inside_fold] -= table[inside_fold, :-1] @ solution[rows.columns]
     return stages
-
-
-def _roots(energies: FloatArray) -> FloatArray:
-    """Root of the mean square (…) of sums of squares and of rows, or seconds, (…, 2)."""
-    return np.asarray(np.sqrt(energies[..., 0] / np.maximum(energies[..., 1], 1e-300)))

@@ -13,7 +13,7 @@ from idim_iv_ros.diagnosis.refit.baseline import (
     nominal_residuals,
     refit_of,
 )
-from idim_iv_ros.diagnosis.refit.held_out import energies, row_blocks, stage_of
+from idim_iv_ros.diagnosis.refit.held_out import row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turning_friction
@@ -23,6 +23,7 @@ from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.statistics.bootstrap import energies
 from idim_iv_ros.types import FloatArray
 
 _STANDARD_GRAVITY = 9.81  # m/s², that is put in
