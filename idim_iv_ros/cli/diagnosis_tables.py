@@ -106,7 +106,7 @@ def _parameters(parameters: dict[str, EffectParameter]) -> str:
 def _print_gaps(console: Console, result: GapResult) -> None:
     """Print one line a joint: its gap in the first and in the last model, and the noise."""
     first, last = result.stages[0], result.stages[-1]
-    floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
+    floors = {gap.joint: gap.noise_floor for gap in result.where.joints}
     rows = []
     for joint in result.joints:
         unit, small = torque_unit(result, joint), small_unit(result, joint)

@@ -72,7 +72,7 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
-    worst = max(result.joint_gaps, key=lambda gap: gap.share, default=None)
+    worst = max(result.where.joints, key=lambda gap: gap.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
     if worst is None:

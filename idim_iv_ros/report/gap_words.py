@@ -180,7 +180,7 @@ def worth_seeing(result: Result, most: int = 2) -> set[str]:
         sizes = {residual.joint: residual.relative_percent or 0.0 for residual in result.residuals}
         named: list[str] = []
     else:
-        sizes = {joint_gap.joint: joint_gap.share for joint_gap in result.joint_gaps}
+        sizes = {joint_gap.joint: joint_gap.share for joint_gap in result.where.joints}
         places = [cause.joint for cause in result.causes if cause.kind == "structural"]
         if result.unexplained is not None:
             places.append(result.unexplained.joint)

@@ -35,7 +35,7 @@ def test_numbers_that_do_not_exist_are_null() -> None:
     document = json.loads(text)
     (written,) = document["where"]["regimes"]
     assert (written["high"], written["energy_share"], written["lift"]) == (None, None, None)
-    (read,) = GapResult.from_json(text, "gap.json").regimes
+    (read,) = GapResult.from_json(text, "gap.json").where.regimes
     assert (read.low, read.high, read.occupancy) == (0.6, np.inf, 0.0)
     assert np.isnan(read.energy_share)
     assert document["causes"][0]["torque_gap"]["noise_floor"] is None

@@ -63,17 +63,13 @@ def structural_causes(
     `simulations`: gap of the simulated motion before and after each effect.
     """
     causes, tested = [], explanation.tested
-    # The refit with the coefficients that effects have beside the errors of the nominal model.
-    coefficients = [effect.term.coefficients for effect in explanation.effects]
-    fit = replace(explanation.fit, coefficients=np.concatenate([np.zeros(0), *coefficients]))
     for number, (judgement, simulation) in enumerate(
         zip(explanation.effects, simulations, strict=True)
     ):
         term, place = judgement.term, judgement.term.place
         gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
         gain, helped, folds = tested.gains[number]
-        start = explanation.block(number).start
-        numbers = parameters_of(data, explanation.regression, fit, term, start)
+        numbers = parameters_of(data, explanation, number)
         cause = Cause(
             effect=term.effect.name,
             kind="structural",

@@ -13,7 +13,7 @@ Bar = dict[str, str | float]
 
 def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
     """Return bars of all models at one joint, with the line and the origin of the noise floor."""
-    gap = next((gap for gap in result.joint_gaps if gap.joint == joint), None)
+    gap = next((gap for gap in result.where.joints if gap.joint == joint), None)
     floor = None if gap is None else gap.noise_floor
     largest = _largest(result.stages, joint, floor)
     rows, previous = [], None
@@ -105,9 +105,9 @@ STAGES = Section(
 
 def _regimes(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
-    if not result.regimes:
+    if not result.where.regimes:
         return None
-    of_joint = sorted(result.regimes, key=lambda regime: result.joints.index(regime.joint))
+    of_joint = sorted(result.where.regimes, key=lambda regime: result.joints.index(regime.joint))
     return {"rows": [_regime_row(result, regime) for regime in of_joint]}
 
 

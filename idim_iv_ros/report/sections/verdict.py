@@ -40,7 +40,7 @@ def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
     result = report.result
     values: Mapping[str, float | None]
     if isinstance(result, GapResult):
-        values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.joint_gaps}
+        values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.where.joints}
         title = "share of the gap"
     else:
         values = result.fit.joint_relative_error_percent
