@@ -19,7 +19,6 @@ from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording.recording import Recording, Session, session_of
-from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import BoolArray, FloatArray
 
 
@@ -84,19 +83,10 @@ def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> Prepare
     session = session_of(recordings)
     numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
     places = [numbers[id(recording)] for recording in session.recordings]
-    factors = [whole.cutoffs.factors[place] for place in places]
-    return _of_session(whole, session, factors, [whole.motions[place] for place in places])
-
-
-def _of_session(
-    prepared: PreparedRegression,
-    session: Session,
-    factors: Sequence[int],
-    motions: Sequence[Motion],
-) -> PreparedRegression:
-    """Return the same with other recordings."""
-    cutoffs = replace(prepared.cutoffs, factors=tuple(factors))
-    return replace(prepared, session=session, cutoffs=cutoffs, motions=tuple(motions))
+    factors = tuple(whole.cutoffs.factors[place] for place in places)
+    motions = tuple(whole.motions[place] for place in places)
+    cutoffs = replace(whole.cutoffs, factors=factors)
+    return replace(whole, session=session, cutoffs=cutoffs, motions=motions)
 
 
 def _together(first: Baseline, second: Baseline) -> Baseline:
@@ -104,11 +94,12 @@ def _together(first: Baseline, second: Baseline) -> Baseline:
     one, other = first.prepared, second.prepared
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
-    factors = (*one.cutoffs.factors, *other.cutoffs.factors)
+    cutoffs = replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors))
+    motions = (*one.motions, *other.motions)
     rows = zip(first.regression.joints, second.regression.joints, strict=True)
     both = replace(
         first,
-        prepared=_of_session(one, session, factors, (*one.motions, *other.motions)),
+        prepared=replace(one, session=session, cutoffs=cutoffs, motions=motions),
         regression=replace(first.regression, joints=tuple(a.joined([b]) for a, b in rows)),
         sticking=first.sticking and second.sticking,
     )

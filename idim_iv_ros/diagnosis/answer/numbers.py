@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import OperatingRange, Shape
 from idim_iv_ros.types import FloatArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
@@ -35,11 +35,11 @@ def parameters_of(
     inner = explanation.fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     numbers = effect.parameters(shape, coefficients, fixed)
-    near = _near(effect, shape, term.place, data.covered) if effect.free_shape else []
+    near = _near(term, shape, data.covered) if effect.free_shape else []
     if not near:
         return numbers
     covariance, further = _with_free_shape(data, explanation, term, block, near)
-    slopes = _slopes(effect, shape, coefficients, fixed, near)
+    slopes = _slopes(term, fixed, [shape, *near])
     variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
     return {
         name: replace(number, std=float(np.sqrt(variance)) if variance > 0.0 else None)
@@ -76,10 +76,10 @@ def _with_free_shape(
     return covariance - open_share @ covariance, further - open_share @ further
 
 
-def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
+def _near(term: Term, shape: Shape, covered: OperatingRange) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in effect.neighbours(shape, _SHAPE_STEP, place, covered):
+    for near in term.effect.neighbours(shape, _SHAPE_STEP, term.place, covered):
         pairs = zip(near.numbers, shape.numbers, strict=True)
         moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:
@@ -87,19 +87,18 @@ def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -
     return list(kept.values())
 
 
-def _slopes(
-    effect: Effect,
-    shape: Shape,
-    coefficients: FloatArray,
-    deviations: FloatArray,
-    near: Sequence[Shape],
-) -> FloatArray:
-    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape."""
+def _slopes(term: Term, deviations: FloatArray, shapes: Sequence[Shape]) -> FloatArray:
+    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape.
+
+    `shapes`: that of the term, and it moved.
+    """
+    coefficients = term.coefficients
 
     def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
-        numbers = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        numbers = term.effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
         return np.array([number.value for number in numbers.values()])
 
+    shape, *near = shapes
     here = values(shape, coefficients)
     sizes = np.maximum(np.maximum(np.abs(coefficients), deviations), 1e-12)
     slopes = scipy.optimize.approx_fprime(
