@@ -155,10 +155,11 @@ def test_a_stretch_of_time_lies_in_recordings_that_are_named(recordings: int) ->
 ROWS, RATE = 600, 50.0
 
 
-def _data(recordings: int) -> Baseline:
+def _data(recordings: int, given: np.ndarray | None = None) -> Baseline:
     motions = [SimpleNamespace(kept=np.ones((ROWS, 1), bool)) for _ in range(recordings)]
     data: Any = SimpleNamespace(
         motions=motions,
+        prepared=SimpleNamespace(given=given),
         of_joints=lambda values: (np.concatenate(values),),
         row_rate=RATE,
         joints=("joint_1",),
@@ -193,7 +194,7 @@ def test_folds_of_one_recording_are_its_quarters() -> None:
 def test_predictions_are_those_of_a_fit_without_the_fold() -> None:
     regression = _regression(3, 1, 0.4)
     fit = regression.fit(steps=0)
-    tested = held_out(_data(3), regression, fit, ["+x[joint_1]"], given=np.zeros(3))
+    tested = held_out(_data(3, np.zeros(3)), regression, fit, ["+x[joint_1]"])
     assert [stage.name for stage in tested.stages] == ["given", "refit", "+x[joint_1]"]
     matrix = regression.extended[0].matrix
     torque = regression.joints[0].torque

@@ -114,8 +114,12 @@ def parametric_causes(
         gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
     left, before, causes = [*explanation.numbers, *explanation.not_given], first, []
+
+    def without(judgement: JudgedTerm) -> float:
+        return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / ledger.sizes))
+
     while left:
-        judgement = _largest_error(explanation, left, gap)
+        judgement = min(left, key=without)  # takes most of the gap
         left = [other for other in left if other is not judgement]
         gap = judgement.term.taken_from(gap)
         after = _rms(gap)
@@ -131,18 +135,6 @@ def parametric_causes(
         for joint, (name, numbers) in enumerate(errors)
         if joint not in data.left_out
     )
-
-
-def _largest_error(
-    explanation: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]
-) -> JudgedTerm:
-    """Choose the number that takes most of a gap."""
-    sizes = explanation.selection.comparison.options.ledger.sizes
-
-    def remaining(judgement: JudgedTerm) -> float:
-        return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / sizes))
-
-    return min(left, key=remaining)
 
 
 def _rms(gap: Sequence[FloatArray]) -> FloatArray:

@@ -141,7 +141,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         fits[-1],
         [f"+{e.term.effect.name}[{data.joints[e.term.place.joint]}]" for e in effects],
         repeats,
-        data.prepared.given,
         interleaved=any(effect.term.effect.family == "time" for effect in effects),
     )
     return Explained(
