@@ -68,9 +68,10 @@ def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
         else:
             change = "appeared" if other else "vanished"
             text += f" {WHERE['reference' if one else 'against']}: {said or said_other}"
-        where = {"joint": joints[0], "other_joint": joints[1] if len(joints) > 1 else None}
-        numbers = one, other
-        made.append(_of_terms(sets, changes, terms, text, numbers=numbers, change=change, **where))
+        fields: dict[str, Any] = {"numbers": (one, other), "change": change, "joint": joints[0]}
+        if len(joints) > 1:
+            fields["other_joint"] = joints[1]
+        made.append(_of_terms(sets, changes, terms, text, **fields))
     return made
 
 
@@ -90,8 +91,8 @@ def parametric_causes(
             f"{', '.join(bags) + ': ' if several else ''}{spaced(effect)}{place} "
             f"changed, second set less reference: {listed_numbers(effect, parameters)}"
         )
-        fields = {"kind": "parametric", "joint": name, "bags": bags, "parameters": parameters}
-        made.append(_of_terms(sets, changes, number.terms, text, number.recordings, **fields))
+        more = {"kind": "parametric", "joint": name, "bags": bags, "parameters": parameters}
+        made.append(_of_terms(sets, changes, number.terms, text, number.recordings, **more))
     return made
 
 
