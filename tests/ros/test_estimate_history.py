@@ -177,7 +177,7 @@ def test_message_holds_intervals_and_the_rest_under_its_own_names(example: GapRe
     assert (gap.shrinkage_low, gap.shrinkage_high) == (0.9, 0.99)
     assert (hint.shrinkage_low, hint.shrinkage_high) == (-0.1, 0.3)
     assert payload.chosen_in_folds == ""  # written before searches were repeated
-    (regime,) = example.where.regimes
+    (regime,) = example.regimes
     assert (regime.lift_low, regime.lift_high) == (5.1, 8.2)
     given, _ = example.stages
     assert (list(given.torque_rms_low), list(given.torque_rms_high)) == ([0.1, 0.5], [0.3, 0.7])

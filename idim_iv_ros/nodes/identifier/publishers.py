@@ -225,6 +225,7 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
         **unexplained,
         header=stamp,
         joints=result.where.joints,
+        regimes=result.where.regimes,
         stages=[
             message_of(msg.GapStage, stage, **_per_joint(stage, joints)) for stage in result.stages
         ],
