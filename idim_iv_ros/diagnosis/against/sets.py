@@ -14,7 +14,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.likelihood import rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, with_offsets
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
@@ -69,7 +69,7 @@ def two_sets(
     The noisier set limits the band, and all rows come at one rate.
     """
     parts = reference, against
-    for section in proposals(parts, with_offsets(configuration)):
+    for section in proposals(parts, configuration):
         whole = prepare([*reference, *against], section)
         sets = [refit_of(_part(whole, part)) for part in parts]
         if all(data.sticking for data in sets):

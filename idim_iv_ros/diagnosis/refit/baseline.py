@@ -182,7 +182,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
     closed loop could be simulated: see `refit.processing`.
     """
-    for section in proposals([recordings], with_offsets(configuration)):
+    for section in proposals([recordings], configuration):
         refit = refit_of(prepare(recordings, section))
         if refit.sticking:
             break
@@ -239,14 +239,6 @@ def with_parameters(data: Baseline, values: FloatArray) -> Baseline:
     links, whole = dynamics_of(data.prepared, values)
     motions = tuple(replace(motion, links=links, whole=whole) for motion in data.motions)
     return replace(data, motions=motions)
-
-
-def with_offsets(configuration: Configuration) -> Configuration:
-    """Return the configuration with a model that has torque offsets, but those that it excludes."""
-    friction = configuration.identification.friction
-    if "offset" in friction:
-        return configuration
-    return configuration.changed("identification", friction=[*friction, "offset"])
 
 
 def nominal_residuals(data: Baseline) -> tuple[FloatArray, ...] | None:

@@ -33,8 +33,13 @@ def proposals(
 ) -> Iterator[Configuration]:
     """Processing in the order in which it is tried: of a loop that is simulated, and of none.
 
+    With a model that has torque offsets, but those that it excludes.
+
     `sets`: recordings that are refitted apart from one another in one band.
     """
+    friction = configuration.identification.friction
+    if "offset" not in friction:
+        configuration = configuration.changed("identification", friction=[*friction, "offset"])
     options = [widened(part, configuration).processing for part in sets]
     narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
     positions = [option.position_cutoff for option in options if option.position_cutoff is not None]
