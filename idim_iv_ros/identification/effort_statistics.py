@@ -25,6 +25,7 @@ ROWS_PER_COLUMN, FEWEST_ROWS_PER_COLUMN = 5, 2
 _BATCHES = 10
 # Share of the efforts at either end that is pulled in: one outlier would decide the fit.
 TAIL = 5e-4
+_MOSTLY_MASSES = 0.5  # of the variance of the effort beside friction
 _ROUNDING = 1e-9
 _LEAST_BAND = 0.1  # share of the spectrum above the position filter
 _MOST_NOISE = 0.75  # of the energy of accelerations
@@ -83,6 +84,12 @@ class EffortStatistics:
     size: float
     signed: float
     unsigned: float
+
+    @property
+    def is_of_masses(self) -> bool:
+        """Whether most of it, beside friction, is a positive multiple of the nominal torque."""
+        torque = self.torque
+        return torque is not None and torque.value > 0.0 and torque.of_rest > _MOSTLY_MASSES
 
 
 def effort_statistics(

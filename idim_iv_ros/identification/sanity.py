@@ -34,7 +34,6 @@ _MOSTLY_FRICTION = 0.5  # of the variance of the effort
 _STATIC = 0.95  # of that variance
 _ABSENT = 0.2  # of the torque of accelerations that the nominal masses need
 _BETTER_WITH_SIGNS = 0.7  # of the residual
-_MOSTLY_MASSES = 0.5  # of the variance of the effort beside friction
 _ANOTHER_UNIT = 10.0  # times the torque of the nominal masses, or a part of it
 _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
@@ -76,7 +75,8 @@ def joint_findings(
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
         if of_effort is not None:
-            findings += signals.efforts(of_effort)
+            others = [other for k, other in enumerate(statistics) if other and k != joint]
+            findings += signals.efforts(of_effort, others)
     return tuple(findings)
 
 
@@ -173,10 +173,12 @@ class _Signals:
                 f"{size.max():.3g}, usual up to {usual:.3g}): look at the driver",
             )
 
-    def efforts(self, effort: EffortStatistics) -> Iterator[JointFinding]:
+    def efforts(
+        self, effort: EffortStatistics, others: Sequence[EffortStatistics]
+    ) -> Iterator[JointFinding]:
         """Efforts that cannot be the torque of this joint."""
         sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
-        sentence = sentence or self._another_unit(effort)
+        sentence = sentence or self._another_unit(effort, others)
         if sentence:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
         elif self.in_newton_metres and effort.given_friction > _FRICTION * effort.size:
@@ -235,16 +237,22 @@ class _Signals:
             "not the whole torque; record that"
         )
 
-    def _another_unit(self, effort: EffortStatistics) -> str:
-        """Say that no masses that are off make so much or so little of the nominal torque."""
-        torque = effort.torque
-        if not self.in_newton_metres or torque is None or torque.of_rest < _MOSTLY_MASSES:
+    def _another_unit(self, effort: EffortStatistics, others: Sequence[EffortStatistics]) -> str:
+        """Say that it is another multiple of the nominal torque than at the other joints."""
+        if not self.in_newton_metres or not effort.is_of_masses:
             return ""
-        if torque.value < 0.0 or 1.0 / _ANOTHER_UNIT < torque.value < _ANOTHER_UNIT:
+        assert effort.torque is not None
+        ratio = effort.torque.value
+        usual = [other.torque.value for other in others if other.torque and other.is_of_masses]
+        if not usual or any(
+            1.0 / _ANOTHER_UNIT < ratio / of < _ANOTHER_UNIT
+            for of in (1.0, float(np.median(usual)))
+        ):
             return ""
         return (
-            f"the effort is {torque.value:.2g} times the torque that the nominal masses need, and "
-            "follows it: another unit? Give what makes it a torque as signals.effort_scale"
+            f"the effort is {ratio:.2g} times the torque that the nominal masses need, and follows "
+            "it: another unit than the other joints'? Give what makes it a torque as "
+            "signals.effort_scale"
         )
 
 
