@@ -72,6 +72,7 @@ def diagnose_command(
     from idim_iv_ros.cli.diagnosis_tables import print_diagnosis
     from idim_iv_ros.diagnosis.diagnose import diagnose
     from idim_iv_ros.effects.registry import EFFECTS
+    from idim_iv_ros.report.advice import export_options
 
     output = Output(quiet=quiet, as_json=as_json)
     names = tuple(dict.fromkeys(without or ()))
@@ -82,7 +83,5 @@ def diagnose_command(
         diagnose, bags, config, GAP, out, force=force, without=names, against=against or []
     )
     print_diagnosis(output.console, result)
-    # Without a named cause the export would change nothing else.
-    rest = () if result.causes else ("--remainder",)
-    print_physical(output, result, numbers, config, *rest)
+    print_physical(output, result, numbers, config, *export_options(result))
     output.name_files(numbers, page)

@@ -109,12 +109,16 @@ def _print_gaps(console: Console, result: GapResult) -> None:
     floors = {gap.joint: gap.noise_floor for gap in result.where.joints}
     rows = []
     for joint in result.joints:
+        if joint in result.left_out:
+            rows.append((joint, "left out", MISSING, MISSING))
+            continue
         unit, small = torque_unit(result, joint), small_unit(result, joint)
         torques = [stage.torque_rms.get(joint) for stage in (first, last)]
         motions = [(stage.tracking_rms or {}).get(joint) for stage in (first, last)]
         noise = with_unit(floors.get(joint), unit)
         rows.append((joint, _arrow(torques, unit), noise, _arrow(motions, small, 1e3)))
-    after = "causes" if len(result.stages) > 2 else stage_words(last.name)
+    # All parameters are fitted again beside the causes.
+    after = "refit with causes" if len(result.stages) > 2 else stage_words(last.name)
     title = f"Gap, rms: {stage_words(first.name)} → {after}"
     print_table(console, title, ("joint", ">torque", ">noise", ">simulated motion"), rows)
 

@@ -171,10 +171,15 @@ def concluded(
     more_errors = not_named or small
     much_left = bool(residual) or len(data.left_out) == len(data.joints)
     verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=much_left)
+    left_out = {
+        data.joints[finding.joint]: finding.sentence
+        for finding in prepared.joint_findings
+        if finding.left_out
+    }
     summary = [
         sentences.disagreement([recording for recording in recordings if not recording.agrees]),
         sentences.largest_gap(
-            [gap for gap in gaps.joints if data.joints.index(gap.joint) not in data.left_out],
+            [gap for gap in gaps.joints if gap.joint not in left_out],
             "refit" if prepared.given is None else "nominal model",
         ),
         sentences.nothing_explains(remaining=bool(more_errors)) if verdict == "none" else "",
@@ -184,7 +189,7 @@ def concluded(
         sentences.unexplained_residual(data, residual),
         sentences.remaining_parameter_errors(data, more_errors, hints),
         sentences.next_step(causes, unknown=verdict == "unknown", remaining=bool(more_errors)),
-        sentences.left_out(data),
+        sentences.left_out(left_out),
         *law.beyond,
         *(cause.sentence for cause in causes[1:] if cause in shafts),
         f"left out of the catalogue on request: {', '.join(without)}" * bool(without),
@@ -208,10 +213,7 @@ def concluded(
         else "",
         *law.beyond,
         sentences.friction_not_given(data, explanation.selection.comparison.catalogue.space),
-        *(
-            f"{data.joints[finding.joint]} is left out: {finding.sentence}" * finding.left_out
-            for finding in prepared.joint_findings
-        ),
+        *(f"{joint} is left out: {why}" for joint, why in left_out.items()),
         ARMATURE_MISSING * prepared.armature_missing,
         prepared.why_no_given,
         *data.sources.controller,
@@ -241,6 +243,7 @@ def concluded(
         without=without,
         verdict=verdict,
         summary=sentences.summary(summary),
+        left_out=left_out,
         causes=tuple(causes),
         hints=hints,
         unexplained=outside,
@@ -307,6 +310,8 @@ def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
 
 def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameters | None, str]:
     """Physical parameters nearest to the extended model, judged on torques without its effects."""
+    if len(refit.data.left_out) == len(refit.data.joints):
+        return None, "every joint is left out"
     fit, parameters = explanation.fit, len(explanation.fit.values)
     rows = [
         replace(joint, torque=joint.prediction(fit.values) + residual)

@@ -346,13 +346,12 @@ def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
     )
 
 
-def left_out(data: Baseline) -> str:
-    """Joints that say nothing, and why the first of them does not."""
-    out = [finding for finding in data.prepared.joint_findings if finding.left_out]
-    if not out:
+def left_out(reasons: Mapping[str, str]) -> str:
+    """Joints that say nothing, and why the first of them does not; `reasons`: by joint."""
+    if not reasons:
         return ""
-    names = ", ".join(data.joints[finding.joint] for finding in out)
-    return f"{names} {'is' if len(out) == 1 else 'are'} left out: {out[0].sentence}"
+    first = next(iter(reasons.values()))
+    return f"{', '.join(reasons)} {'is' if len(reasons) == 1 else 'are'} left out: {first}"
 
 
 def nothing_explains(*, remaining: bool) -> str:

@@ -41,6 +41,7 @@ _FRICTION = 3.0  # times the effort
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
 _ANOTHER_RATIO = 0.1
 _STANDS_STILL = 0.01  # of the motor's motion
+_STATES = 8  # random ones, that show on which joints a torque depends
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,17 @@ def joint_findings(
     statistics = effort_statistics(model, motions, cutoffs)
     units = _other_units(statistics) if effort_unit == "N m" else {}
     findings: list[JointFinding] = []
-    for joint, of_effort in enumerate(statistics):
-        signals = _Signals(model, motions, joint, effort_unit)
-        of_positions = list(signals.positions())
-        findings += of_positions
-        if any(finding.left_out for finding in of_positions):
+    signals_of = [_Signals(model, motions, joint, effort_unit) for joint in range(len(statistics))]
+    positions = [list(signals.positions()) for signals in signals_of]
+    wrong = [k for k, some in enumerate(positions) if any(finding.left_out for finding in some)]
+    spoilt = _moved_by(model, wrong)
+    for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
+        findings += positions[joint]
+        if joint in spoilt and joint not in wrong:
+            names = ", ".join(model.robot.joints[k] for k in wrong)
+            sentence = f"its torque depends on the motion of {names}, which cannot be right"
+            findings.append(JointFinding(joint, "unusable", sentence, left_out=True))
+        if joint in spoilt or joint in wrong:
             continue
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
@@ -106,6 +113,18 @@ def _other_units(statistics: Sequence[EffortStatistics | None]) -> dict[int, flo
         if times > _ANOTHER_UNIT:
             made[joint] = times
     return made
+
+
+def _moved_by(model: InverseModel, moving: Sequence[int]) -> frozenset[int]:
+    """Joints whose rows are others where some joints move otherwise."""
+    if not moving:
+        return frozenset()
+    random = np.random.default_rng(0)
+    states = random.standard_normal((3, _STATES, len(model.robot.joints)))
+    others = states.copy()
+    others[:, :, moving] = random.standard_normal((3, _STATES, len(moving)))
+    pairs = zip(model.joint_matrices(*states), model.joint_matrices(*others), strict=True)
+    return frozenset(k for k, pair in enumerate(pairs) if not np.allclose(*pair))
 
 
 def _too_few_rows(

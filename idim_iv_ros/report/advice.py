@@ -13,6 +13,7 @@ from idim_iv_ros.diagnosis.result.recordings import (
     ContrastResult,
     RecordingAgreement,
 )
+from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.errors import first_of
@@ -70,19 +71,24 @@ def verdict_badge(verdict: str) -> tuple[str, str, str]:
 
 
 def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
-    """Return sentences on the size of the gap, its main cause, and how certain that is."""
+    """Return sentences on the size of the gap, its main cause, and how certain that is.
+
+    Joints that say nothing come first: all else is of the others.
+    """
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
-    worst = max(result.where.joints, key=lambda gap: gap.share, default=None)
+    judged = [gap for gap in result.where.joints if gap.joint not in result.left_out]
+    worst = max(judged, key=lambda gap: gap.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
+    out = (sentence(left_out(result.left_out)),) if result.left_out else ()
     if worst is None:
         words = f"The gap of the {model} could not be judged at any joint."
-        return words, _cause_words(result, None)
+        return *out, words, _cause_words(result, None)
     size = f"The {model} misses {_share_missed(worst)} at {worst.joint}."
     cause, certainty = _cause_words(result, worst), _certainty(result, worst)
-    return (size, cause, certainty) if certainty else (size, cause)
+    return (*out, size, cause, certainty) if certainty else (*out, size, cause)
 
 
 def _share_missed(gap: JointGap) -> str:
@@ -258,6 +264,14 @@ def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
     return steps[:_MOST_STEPS]
 
 
+def export_options(result: GapResult) -> tuple[str, ...]:
+    """Return the options with which an export of a diagnosis changes all that it shows."""
+    # Beside a torque scale or gravity the export cannot spread what no cause names.
+    parts = {part_of(cause.effect) for cause in result.causes}
+    spread = unnamed_error(result) and not parts & {"torque scale", "gravity"}
+    return ("--remainder",) if spread or not result.causes else ()
+
+
 def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return the recommended steps after a diagnosis: what to run, and what to record."""
     result, config, files = report.result, report.files.config, report.files
@@ -268,11 +282,9 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
     recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
-        rest, words = [], "Put the causes into your simulator, or into ours:"
-        # Beside a torque scale or gravity the export cannot spread what no cause names.
-        parts = {part_of(cause.effect) for cause in result.causes}
-        if unnamed_error(result) and not parts & {"torque scale", "gravity"}:
-            rest = ["--remainder"]
+        rest = export_options(result)
+        words = "Put the causes into your simulator, or into ours:"
+        if rest:
             words = "Put the causes and the other values into your simulator:"
         line = files.command("export", files.here(GAP), *rest, out="simulator")
         steps = [Step(words, line)]
@@ -333,6 +345,7 @@ def _recording_step(result: GapResult, files: Files) -> Step:
 
 def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
     """Return sentences on what changed between two sets, by how much, and how certain that is."""
+    apart = list(map(sentence, contrast.not_compared))
     if contrast.causes:
         first, more = contrast.causes[0], len(contrast.causes) - 1
         name = effect_at(first.effect, first.joint)
@@ -348,24 +361,21 @@ def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
             f"{effect_at(rival.effect, rival.joint)} ({percent(100.0 * rival.weight)})"
             for rival in first.indistinguishable_from[:1]
         ]
-        return [*words, *(f"Or else: {rival}." for rival in rivals)]
-    widest = max(contrast.joints, key=lambda joint: joint.share_of_torque, default=None)
-    if contrast.differs and widest is not None:
+        return [*words, *(f"Or else: {rival}." for rival in rivals), *apart]
+    if contrast.differs:
+        widest = max(contrast.joints, key=lambda joint: joint.share_of_torque)
         share = percent(100.0 * widest.share_of_torque)
         return [f"The sets differ by {share} of the torque at {widest.joint}, and nothing in the "
-                "catalogue explains it."]  # fmt: skip
-    largest = max(contrast.joints, key=lambda joint: joint.after, default=None)
-    words = ["No difference: each part of the second set is predicted as well from all recordings "
-             "as from the rest of its own set."]  # fmt: skip
-    if largest is not None:
-        size = f"{number(largest.after)} {torque_unit(result, largest.joint)}"
-        words.append(f"Changes far below the {size} rms left at {largest.joint} may hide in it.")
-    return words
+                "catalogue explains it.", *apart]  # fmt: skip
+    return [contrast.sentence]
 
 
 def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
     """Return the recommended steps after a comparison of two sets of recordings."""
     reference, against = files.recordings(contrast.reference), files.recordings(contrast.against)
+    if contrast.not_compared:
+        line = files.command("check", *against)
+        return [Step("Check the recordings of the second set, and their units and signs:", line)]
     if not contrast.differs:
         line = files.command("diagnose", *reference, *against, out="both")
         return [Step("Diagnose all recordings together, which shows more:", line)]

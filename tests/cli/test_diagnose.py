@@ -29,7 +29,12 @@ def test_verdict_causes_and_gaps_are_printed(diagnose, tmp_path: Path, capsys) -
     diagnose(StandIn("both"))
     printed = " ".join(capsys.readouterr().out.split())
     assert printed.index("Verdict: parametric and structural") < printed.index("stribeck")
-    for words in ("payload", "0.620 → 0.225 N m", "96 % (90 to 100)", "nominal model → causes"):
+    for words in (
+        "payload",
+        "0.620 → 0.225 N m",
+        "96 % (90 to 100)",
+        "nominal model → refit with causes",
+    ):
         assert words in printed
     assert "1 note" in printed and "2 untestable effects" in printed
     assert str(tmp_path / "why" / "report.html") in printed

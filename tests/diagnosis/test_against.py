@@ -92,6 +92,32 @@ def test_nothing_changed_is_no_difference_whatever_the_nominal_model_and_the_rat
         assert joint.before == pytest.approx(joint.own, rel=0.05)
 
 
+def in_unit(recording: Recording, factor: Sequence[float]) -> Recording:
+    """The same with efforts of another unit or sign."""
+    effort = replace(recording.effort, values=recording.effort.values * np.array(factor))
+    return replace(recording, effort=effort)
+
+
+def test_an_effort_in_another_unit_or_of_another_sign_is_compared_nowhere() -> None:
+    """A load of tonnes, or no difference where the rows of a joint are left out."""
+    milli = contrast([run("a", 1)], [in_unit(run("b", 2), (1e3, 1e3))])
+    assert milli.differs is None and milli.causes == () and milli.joints == ()
+    assert milli.sentence.startswith("Nothing could be compared. ")
+    assert "Joint_2 is not compared: in the second set the effort is 1e+03" in milli.sentence
+    opposite = contrast([run("a", 1)], [in_unit(run("b", 2), (1.0, -1.0))])
+    assert opposite.causes == () and opposite.differs is not False
+    assert [joint.joint for joint in opposite.joints] == ["joint_1"]
+    assert "opposite sign" in opposite.not_compared[0]
+
+
+def test_what_can_be_compared_is_where_another_joint_cannot_be() -> None:
+    second = in_unit(run("b", 2, truth=stiffer(2.0)), (1.0, -1.0))
+    result = contrast([run("a", 1)], [second])
+    (cause,) = result.causes
+    assert (cause.effect, cause.joint) == ("friction_level", "joint_1")
+    assert result.differs and len(result.not_compared) == 1
+
+
 def test_a_load_of_the_second_set_is_named_with_its_mass_and_nothing_else() -> None:
     """Stribeck friction that both sets have is no change."""
     heavy = run("b", 2, truth=loaded(0.8, 0.2, 0.05), effects=[STRIBECK])

@@ -16,6 +16,7 @@ from idim_iv_ros.first_configuration.proposal import propose_configuration
 from idim_iv_ros.identification.check import CheckReport, check, count_reversals
 from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.recording.writing.write import write_bag
+from idim_iv_ros.report.advice import diagnosis_headline
 from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
 from idim_iv_ros.types import FloatArray
 from tests.inputs import changed
@@ -163,6 +164,14 @@ def test_degrees_are_no_positions_in_radians(tmp_path: Path) -> None:
     assert where(checked(tmp_path, degrees), "unusable") == ["joint_1", "joint_2"]
 
 
+def test_degrees_of_one_joint_leave_out_all_that_it_moves(tmp_path: Path) -> None:
+    """The first joint's gravity and inertia turn with the second's angle."""
+    degrees = replace(recording(), position=recording().position * np.array([1.0, 180.0 / np.pi]))
+    report = checked(tmp_path, degrees)
+    assert where(report, "unusable") == ["joint_1", "joint_2"]
+    assert "its torque depends on the motion of joint_2" in str(report.findings)
+
+
 def test_position_beyond_the_limits_is_said_with_both(tmp_path: Path) -> None:
     """Half a turn from the zero of the URDF: it may be the encoder's, and is no other unit."""
     position = recording().position + np.array([0.0, np.pi])
@@ -258,6 +267,10 @@ def test_diagnosis_names_nothing_of_an_effort_with_the_wrong_sign(opposite) -> N
     """Neither masses nor a control law of negative gains, at either joint: nothing is wrong."""
     assert opposite.causes == ()
     assert "joint_2 is left out" in opposite.summary.lower()
+    assert "opposite sign" in opposite.left_out["joint_2"]
+    first, second, *_ = diagnosis_headline(opposite)
+    assert first.startswith("Joint_2 is left out: the effort has the opposite sign")
+    assert "joint_2" not in second
     assert {error.joint for error in opposite.parameter_errors} == {"joint_1"}
     assert "joint_2" in {effect.joint for effect in opposite.not_testable}
 

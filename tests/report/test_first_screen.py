@@ -14,6 +14,7 @@ from idim_iv_ros.report.advice import (
     contrast_steps,
     diagnosis_headline,
     diagnosis_steps,
+    export_options,
     identification_headline,
     identification_steps,
 )
@@ -166,3 +167,4 @@ def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:
     assert "joint_5" in first
     assert second.index("parameter values") < second.index("joint_1")
     assert "--remainder" in diagnosis_steps(Report(result))[0].code
+    assert export_options(result) == ("--remainder",), "the terminal says the same"

@@ -37,8 +37,9 @@ def torques_of(
     sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
     made = [
         JointTorque(name, float(rms), float(rms / size))
-        for name, rms, size in sizes
-        if name == first or rms >= settings.LEAST_NONPARAMETRIC * size
+        for joint, (name, rms, size) in enumerate(sizes)
+        if joint not in sets.not_compared
+        and (name == first or rms >= settings.LEAST_NONPARAMETRIC * size)
     ]
     return tuple(sorted(made, key=lambda one: (one.joint != first, -one.share_of_torque)))
 
@@ -156,7 +157,7 @@ def law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCa
             return [], f"the control laws of the sets were not compared: {reason} ({name})"
     (commands, _, one), (_, _, other) = (shown_law(refit.data) for refit in sets.refits)
     causes = []
-    for joint in sorted(set(one) & set(other)):
+    for joint in sorted(set(one) & set(other) - set(sets.not_compared)):
         rows = one[joint].every.followed_by(other[joint].every)
         causes += _law_cause(sets, commands.law, joint, rows)
     return causes, ""

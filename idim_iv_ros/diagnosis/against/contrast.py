@@ -78,9 +78,14 @@ def contrast_of(
         _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE
     )
     joints, of_reference = _joints(sets, changes)
-    least = settings.LEAST_NONPARAMETRIC * sets.sizes
+    compared = [joint for joint in range(len(data.joints)) if joint not in sets.not_compared]
+    least = settings.LEAST_NONPARAMETRIC * sets.sizes[compared]
     unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
-    differs = bool(causes or unattributed or unexplained)
+    names = data.joints
+    not_compared = tuple(
+        f"{names[n]} is not compared: {why}" for n, why in sets.not_compared.items()
+    )
+    differs = bool(causes or unattributed or unexplained) or (None if not_compared else False)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
         closest = [f"{_in_words(data, t)} (in {n})" for t, n in changes.doubtful.items() if n]
@@ -115,7 +120,8 @@ def contrast_of(
         reference=sets.bags(sets.first),
         against=against,
         differs=differs,
-        sentence=sentence,
+        sentence=" ".join([sentence, *(f"{capitalised(text)}." for text in not_compared)]),
+        not_compared=not_compared,
         joints=tuple(joints),
         causes=tuple(causes),
         unattributed=unattributed,
@@ -135,11 +141,14 @@ def _no_difference(
 
     `noisier`: what is left in the reference, rms, where that is less than in the second set.
     """
+    if not joints:
+        return "Nothing could be compared."
     named = ", ".join(against)
+    where = "" if len(joints) == len(data.joints) else f" at {', '.join(j.joint for j in joints)}"
     worst = max(joints, key=lambda joint: joint.after)
     text = (
-        f"No difference: parts of {named} are predicted as well by the numbers of all recordings "
-        "as by numbers of their own, fitted to the other parts "
+        f"No difference{where}: parts of {named} are predicted as well by the numbers of all "
+        "recordings as by numbers of their own, fitted to the other parts "
         f"({torque(data, worst.after, worst.joint)} rms at {worst.joint} are left either way)."
     )
     more = ", ".join(
@@ -239,6 +248,8 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     noise = float(np.sqrt(max(1.0, one / other)))  # fewer samples in a row: more noise
     made, of_reference = [], []
     for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
+        if joint in sets.not_compared:
+            continue
         first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
         least = min(least, second)
         share = float(np.sqrt(max(first**2 - least**2, 0.0)) / sets.sizes[joint])

@@ -6,7 +6,7 @@ has a refit, simulated motion and alignment of the effort of its own, in one pro
 are their rows put under one another.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,6 +21,9 @@ from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_FOLLOWS = 0.5  # of the energy of an effort
+_ANOTHER_UNIT = 10.0  # times the torque that the reference needs, or a part of it
+
 
 @dataclass(frozen=True)
 class TwoSets:
@@ -28,11 +31,13 @@ class TwoSets:
 
     `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
     `refits` (Refit, Refit): of reference and second set by
-    themselves.
+    themselves. `not_compared`: joints whose efforts are not torques of one robot in both sets, and
+    why; their rows are left out.
     """
 
     data: Baseline
     refits: tuple[Refit, Refit]
+    not_compared: dict[int, str]
 
     @property
     def first(self) -> frozenset[int]:
@@ -75,7 +80,33 @@ def two_sets(
         if all(data.sticking for data in sets):
             break
     one, other = map(on_likelier_motion, sets)
-    return TwoSets(_together(one.data, other.data), (one, other))
+    why = _not_compared(one.data, other.data)
+    return TwoSets(_together(one.data, other.data, why), (one, other), why)
+
+
+def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
+    """Joints whose efforts are not torques of one robot in both sets, and why.
+
+    A set is judged by itself first. Then its effort may follow what the numbers of the reference
+    need on its motion, but in another unit or with another sign: no robot changes so.
+    """
+    why: dict[int, str] = {}
+    for data, name in ((reference, "the reference"), (second, "the second set")):
+        for finding in data.prepared.joint_findings:
+            if finding.left_out:
+                why.setdefault(finding.joint, f"in {name} {finding.sentence}")
+    values = reference.estimate.linear.values
+    for joint, rows in enumerate(second.rows):
+        needed = rows.matrix @ values[rows.columns]
+        common, energy = float(needed @ rows.torque), float(needed @ needed)
+        follows = common**2 >= _FOLLOWS * energy * float(rows.torque @ rows.torque)
+        usual = energy / _ANOTHER_UNIT < common < _ANOTHER_UNIT * energy
+        if joint not in why and follows and not usual:
+            why[joint] = (
+                f"in the second set the effort is {common / max(energy, 1e-300):.2g} times what "
+                "the reference needs for such a motion, and follows it: another unit or sign?"
+            )
+    return why
 
 
 def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:
@@ -89,18 +120,24 @@ def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> Prepare
     return replace(whole, session=session, cutoffs=cutoffs, motions=motions)
 
 
-def _together(first: Baseline, second: Baseline) -> Baseline:
-    """Put the recordings and rows of two sets one after the other."""
+def _together(first: Baseline, second: Baseline, left_out: Collection[int]) -> Baseline:
+    """Put the recordings and rows of two sets one after the other.
+
+    `left_out`: joints whose rows get next to no weight.
+    """
     one, other = first.prepared, second.prepared
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
     cutoffs = replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors))
     motions = (*one.motions, *other.motions)
     rows = zip(first.rows, second.rows, strict=True)
+    joints = tuple(
+        replace(a.joined([b]), left_out=joint in left_out) for joint, (a, b) in enumerate(rows)
+    )
     both = replace(
         first,
         prepared=replace(one, session=session, cutoffs=cutoffs, motions=motions),
-        regression=replace(first.regression, joints=tuple(a.joined([b]) for a, b in rows)),
+        regression=replace(first.regression, joints=joints),
         sticking=first.sticking and second.sticking,
     )
     return both.on((*first.motions, *second.motions))

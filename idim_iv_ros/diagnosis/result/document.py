@@ -161,6 +161,7 @@ class GapResult(Document):
     - `without`: effects that were left out of the catalogue
     - `summary`: one paragraph that a robot engineer can act on
     - `causes`: strongest first
+    - `left_out`: joints whose recorded torque says nothing of the robot, and why
     - `hints`: no causes: they count for no verdict and are not handed on to a simulator
     - `parameter_errors`: one for each joint; empty without a nominal model
     - `friction_leads`: s by which dry friction turns before its joint, as a simulator's solver
@@ -192,6 +193,7 @@ class GapResult(Document):
     without: tuple[str, ...]
     verdict: Verdict
     summary: str
+    left_out: dict[str, str] = field(default_factory=dict)
     causes: tuple[Cause, ...]
     hints: tuple[Hint, ...] = ()
     unexplained: Unexplained | None

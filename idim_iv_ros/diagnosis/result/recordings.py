@@ -163,8 +163,10 @@ class ContrastResult:
     """What changed between a reference set of recordings and a second one.
 
     - `reference`, `against`: recordings
+    - `differs`: null where no difference was seen and some joint could not be compared
     - `sentence`: the answer, in words
     - `causes`: strongest first; empty where the sets do not differ, or where nothing explains it
+    - `joints`: those that were compared; `not_compared`: the others, in words, and why
     - `unattributed`, `common`: differences outside the catalogue, and effects that both sets share,
       in words
     - `effort_shift`: time from the recorded effort to the torque, s, of ``reference`` and
@@ -174,10 +176,11 @@ class ContrastResult:
 
     reference: tuple[str, ...]
     against: tuple[str, ...]
-    differs: bool
+    differs: bool | None
     sentence: str
     joints: tuple[JointContrast, ...]
     causes: tuple[ContrastCause, ...]
+    not_compared: tuple[str, ...] = ()
     unattributed: tuple[str, ...] = ()
     common: tuple[str, ...] = ()
     effort_shift: dict[str, EffectParameter] = field(default_factory=dict)

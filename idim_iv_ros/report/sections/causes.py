@@ -110,6 +110,8 @@ def contrast_rows(result: GapResult, contrast: ContrastResult) -> list[tuple[str
 
 def contrast_badge(contrast: ContrastResult) -> tuple[str, str, str]:
     """Return CSS class, sign and words of the comparison's answer."""
+    if contrast.differs is None:
+        return "open", "?", "not all joints could be compared"
     if not contrast.differs:
         return "good", "✓", "no difference"
     if contrast.causes:
