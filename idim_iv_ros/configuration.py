@@ -361,6 +361,7 @@ class Configuration(Section):
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":
+        """Refuse lists that do not hold one number for each joint."""
         n = len(self.robot.joints)
         if len(set(self.robot.joints)) != n:
             raise ValueError("robot.joints names a joint twice")

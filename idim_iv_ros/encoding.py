@@ -54,6 +54,7 @@ def _spelt(text: str) -> str:
 
 
 def _spelling(character: str) -> str:
+    """Return a character in ASCII: σ as sigma, ² as 2, others by their number."""
     if character in _SPELLINGS:
         return _SPELLINGS[character]
     name = unicodedata.name(character, "")
@@ -64,6 +65,8 @@ def _spelling(character: str) -> str:
 
 
 def _register(name: str, spell: Callable[[str], str]) -> None:
+    """Make `spell` the error handler `name` of encodings: it writes what they cannot."""
+
     def handle(error: UnicodeError) -> tuple[str | bytes, int]:
         if not isinstance(error, UnicodeEncodeError):
             raise error

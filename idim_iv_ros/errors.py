@@ -2,6 +2,7 @@
 
 import os
 import warnings
+from collections.abc import Sequence
 
 
 class IdimError(Exception):
@@ -13,6 +14,12 @@ class IdimError(Exception):
 def one_line(error: BaseException) -> str:
     """Return class and text of an unexpected error in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """Return names for a sentence: the first of them, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 class UsageError(IdimError):

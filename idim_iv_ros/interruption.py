@@ -79,6 +79,7 @@ def interruption_ends_process() -> Iterator[None]:
 
 
 def _interrupted(number: int, frame: FrameType | None) -> None:
+    """Answer a signal now, or when the last ``with`` that holds signals back has ended."""
     global _waiting
     if _holding:
         _waiting = number

@@ -7,6 +7,7 @@ when numpy is loaded, and go on to the commands and nodes that the tests start.
 import gc
 import os
 import sys
+from collections.abc import Iterator
 
 import pytest
 
@@ -15,6 +16,20 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Bytecode is kept: else every worker and every node that a test starts would compile the package.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_line_errors() -> Iterator[None]:
+    """Let every message for the user fail its test, whichever it is, if it is not one line."""
+    from idim_iv_ros.errors import IdimError
+
+    def checked(error: IdimError, *words: object) -> None:
+        Exception.__init__(error, *words)
+        assert "\n" not in str(error)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(IdimError, "__init__", checked)
+        yield
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

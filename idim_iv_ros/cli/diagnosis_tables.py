@@ -9,6 +9,7 @@ from idim_iv_ros.cli.output import print_table
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import EffectParameter, surest
+from idim_iv_ros.errors import first_of
 from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline
 from idim_iv_ros.report.gap_words import (
     VERDICTS,
@@ -59,8 +60,7 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
         _print_gaps(console, result)
     names = [hint_words(hint) for hint in result.hints]
     if names:
-        more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-        console.print(Text(f"Hints, no causes: {', '.join(names[:_MOST_NAMES])}{more}"))
+        console.print(Text(f"Hints, no causes: {first_of(names, _MOST_NAMES)}"))
     lengths = (len(result.findings), len(untestable(result)), len(result.notes))
     kinds = ("finding", "untestable effect", "note")
     counts = [plural(count, kind) for count, kind in zip(lengths, kinds, strict=True) if count]
@@ -106,7 +106,7 @@ def _parameters(parameters: dict[str, EffectParameter]) -> str:
 def _print_gaps(console: Console, result: GapResult) -> None:
     """Print one line a joint: its gap in the first and in the last model, and the noise."""
     first, last = result.stages[0], result.stages[-1]
-    floors = {gap.joint: gap.noise_floor for gap in result.joint_gaps}
+    floors = {gap.joint: gap.noise_floor for gap in result.where.joints}
     rows = []
     for joint in result.joints:
         if joint in result.left_out:

@@ -165,8 +165,8 @@ def export_command(
     for file in files:
         output.line(f"Written: {file}")
     output.line(f"What is new, and how sure it is: {paths.changes}")
-    # A result has the names of its recordings alone: they are looked for where it lies.
-    folders = (Path(), *result.parents)
+    # A result has the names of its recordings alone: looked for where it and the configuration lie.
+    folders = (Path(), *result.parents, config.parent)
     bags = [
         next((folder / name for folder in folders if (folder / name).exists()), Path(name))
         for name in paths.bags

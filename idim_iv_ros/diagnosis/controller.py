@@ -242,7 +242,8 @@ def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChang
     wrong = {finding.joint for finding in findings if finding.level == "unusable"}
     for joint in sorted(set(range(len(data.joints))) - wrong):
         rows = commands.late(joint, speed)
-        if rows is not None:
+        # Of a law that is always beyond its limit no group shows.
+        if rows is not None and any(np.ptp(torque) > 0.0 for torque in rows.groups.values()):
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))
     return commands, speed, joints
@@ -283,8 +284,10 @@ def _cause(
         before = change.left_of_lag(longest)
     if not changes:
         return changes, None
-    if after >= before:
-        return {}, None  # likelier in the noise of the rows, and further from the commands
+    # Likelier in the noise of the rows, and further from the commands; or no law of them at all: an
+    # integral that winds up where the torque is limited, a reference of another controller.
+    if after >= min(before, change.every.size):
+        return {}, None
     cause = Cause(
         effect=CONTROL_LAW.name,
         kind="structural",

@@ -159,7 +159,7 @@ def concluded(
     watch.stage("where", 0.95)
     gaps, findings = where(data, explanation.fits[0], explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
-    noise = floor_noise_models(explanation.fits[0], [floor.sigma for floor in explanation.floors])
+    noise = floor_noise_models(explanation.fits[0], explanation.floors)
     made = explanation.selection.comparison.catalogue.made
     hidden = not_shown_by_motion(data, structural, noise, made)
     named = {(cause.effect, cause.joint) for cause in causes}

@@ -12,6 +12,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
@@ -195,13 +196,13 @@ def not_shown_by_motion(
     return tuple(refused)
 
 
-def floor_noise_models(fit: Fit, sigmas: Sequence[float | None]) -> tuple[AutoregressiveModel, ...]:
+def floor_noise_models(fit: Fit, floors: Sequence[NoiseFloor]) -> tuple[AutoregressiveModel, ...]:
     """Noise models of a fit with the standard deviations of the noise floor where it is smaller."""
     return tuple(
         noise
-        if sigma is None or sigma >= noise.sigma
-        else replace(noise, innovation_variance=sigma**2)
-        for noise, sigma in zip(fit.noise_models, sigmas, strict=True)
+        if floor.sigma is None or floor.sigma >= noise.sigma
+        else replace(noise, innovation_variance=floor.sigma**2)
+        for noise, floor in zip(fit.noise_models, floors, strict=True)
     )
 
 

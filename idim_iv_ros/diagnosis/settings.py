@@ -53,6 +53,8 @@ POSITION_OVER_DECIMATION = Setting(2.5, "",
     "cut-off of the positions over that of the decimation", PAPER)
 ACCELERATION_NOISE = Setting(8.0, "standard deviation of the torque's noise",
     "what noise of the acceleration may add in the band that is proposed", CHOSEN)
+MEASURED_NOISE = Setting(1.0, "standard deviation of the torque's noise",
+    "the same where no loop is simulated: the measured motion's noise is in all columns", PHYSICS)
 LEAST_SPEED_SHARE = Setting(0.005, "largest speed of the joint",
     "speed below which the direction of a joint is unknown, where the configuration names none",
     CHOSEN)

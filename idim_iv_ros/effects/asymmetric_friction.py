@@ -29,7 +29,6 @@ class AsymmetricFriction(StructuralEffect[Shape]):
     family = "velocity"
     linear = ("viscous",)
     signed = True
-    confounders = ("spring",)
     excitation = "the same path in both directions, at several speeds and postures"
     segments = ("range_sweep", "plateau")
     typical = ShareOf("dry friction", 0.1)  # 5 to 20 %

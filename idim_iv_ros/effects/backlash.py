@@ -53,7 +53,6 @@ class Backlash(StructuralEffect[BacklashShape]):
     order = 80
     part = "play"
     family = "load"
-    confounders = ("elasticity", "presliding")
     free_shape = False
     excitation = "slow motion through postures where the load changes its sign"
     segments = ("range_sweep", "creep", "reversals")

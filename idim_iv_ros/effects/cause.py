@@ -7,7 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.effects.contribution import Contribution, Element, Law
+from idim_iv_ros.effects.contribution import (
+    Contribution,
+    DriveCurve,
+    DriveLaw,
+    Element,
+    EncoderError,
+    Law,
+    TorqueLaw,
+    TorqueTerm,
+)
 from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
@@ -102,14 +111,12 @@ class GivenNumbers:
 
 
 class Cause(ABC):
-    """One cause of the catalogue: its names, what it may be mistaken for, how it is simulated."""
+    """One cause of the catalogue: its names and numbers, what shows it, how it is simulated."""
 
     name: ClassVar[str]
     kind: ClassVar[Kind]
     # Place in the catalogue: where two explain equally well, the lower one counts.
     order: ClassVar[int]
-    # What it may be mistaken for, and what no recording separates from it.
-    confounders: ClassVar[tuple[str, ...]] = ()
     # What to record so that it shows: in words, and as kinds of segment of the designed motion
     # (`excitation.segments`); where no segment shows it, `beyond_motion` says what does.
     excitation: ClassVar[str]
@@ -130,12 +137,27 @@ class Cause(ABC):
     in_base_parameters: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
     laws: ClassVar[tuple[Law, ...]] = ()
+    # Whether the torque of its law lets the joint stick.
+    dry: ClassVar[bool] = False
     # What of a MuJoCo model may hold it: elements of its joint, a tendon over two; empty: nothing.
     element_of: ClassVar[Literal["", "joint", "tendon"]] = ""
 
     def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
-        """What it adds to a simulated joint; nothing where the base parameters hold it."""
-        return ()
+        """What it adds to a simulated joint; nothing where the base parameters hold it.
+
+        By default its laws with the parameters in the order of `specs`: once, or for each term
+        where the parameters are numbered.
+        """
+        names = [spec.name for spec in self.specs]
+        for law in self.laws:
+            for term in given.terms if names[0].endswith("_k") else [given.value]:
+                values = tuple(term[name] for name in names)
+                if isinstance(law, TorqueLaw):
+                    yield TorqueTerm(law, values, self.part == "friction", self.dry)
+                elif isinstance(law, DriveLaw):
+                    yield DriveCurve(law, values)
+                else:
+                    yield EncoderError(law, values)
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """Parameters with which the effect stands for a negative Fv or Fc; empty by default."""
@@ -160,7 +182,10 @@ class Cause(ABC):
         return "" if spec is None else spec.standard
 
     def parameter_words(self, name: str) -> str:
-        """Return what a parameter is; its name without underscores where that says it."""
+        """Return what a parameter is, with its number: ``sine_2`` as “… with the sine 2”.
+
+        Where nothing is declared, its name without underscores says it.
+        """
         spec = self.spec(name)
         if spec is None or not spec.words:
             return name.replace("_", " ")

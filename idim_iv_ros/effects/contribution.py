@@ -91,9 +91,13 @@ class TorqueLaw:
 
 @dataclass(frozen=True, eq=False)
 class DriveLaw:
-    """Torque that acts for a commanded one, compiled: (p, command) -> torque."""
+    """Torque that acts for a commanded one, compiled: (p, command) -> torque.
+
+    Of several at a joint, the one of the lowest `rank` acts first.
+    """
 
     curve: Callable[..., Any]
+    rank: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +157,10 @@ class ShaftPart:
 
 @dataclass(frozen=True)
 class DriveCurve:
-    """Change from the command to the acting torque; the lower `rank` acts first."""
+    """Change from the command to the acting torque."""
 
     law: DriveLaw
     values: tuple[float, ...]
-    rank: int
 
 
 @dataclass(frozen=True)

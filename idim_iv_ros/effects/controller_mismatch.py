@@ -24,7 +24,6 @@ class ControllerMismatch(Cause):
     kind = "structural"
     order = 200
     part = "gains"
-    confounders = ("time_delay",)
     excitation = "references that change quickly enough to leave a tracking error"
     segments = ("multisine",)
     # What of the law may be another; of these the gain of the whole command; and how late it is.

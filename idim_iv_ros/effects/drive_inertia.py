@@ -14,7 +14,6 @@ class DriveInertia(ParametricEffect):
     name = "drive_inertia"
     order = 50
     part = "drive"
-    confounders = ("link_inertia", "payload", "time_delay")
     excitation = "fast motion of this joint and of those it is coupled to"
     segments = ("multisine",)
     specs = (

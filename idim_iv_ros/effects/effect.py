@@ -1,14 +1,13 @@
 """What every structural effect declares about itself: physics that the nominal model lacks."""
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
-from idim_iv_ros.effects.cause import Cause, Family, GivenNumbers, Parameters
-from idim_iv_ros.effects.contribution import Contribution, TorqueLaw, TorqueTerm
+from idim_iv_ros.effects.cause import Cause, Family, Parameters
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -81,7 +80,7 @@ class OperatingRange:
         return float(self.high[joint] - self.low[joint])
 
     def length(self, joint: int) -> str:
-        """Unit of a joint's position: rad or m."""
+        """Unit of a joint's position: rad, or m where the `lever` is that of a prismatic joint."""
         return "rad" if float(self.lever[joint]) == 1.0 else "m"
 
     def too_slow_to_bend(self, joint: int) -> str:
@@ -150,8 +149,6 @@ class StructuralEffect(Cause, Generic[S]):
     beyond_knee: ClassVar[bool] = False
     # Whether it shows only where a joint moves fast enough for friction to bend with the speed.
     bends_with_speed: ClassVar[bool] = False
-    # Whether the torque of its law lets the joint stick.
-    dry: ClassVar[bool] = False
     # Whether a simulator that softens dry friction leaves nothing to see of it.
     lost_where_softened: ClassVar[bool] = False
 
@@ -267,22 +264,8 @@ class StructuralEffect(Cause, Generic[S]):
         return f"{torque:.2g} N m"
 
     def size_of(self, shape: S) -> float:
-        """Size of an effect that has it in its shape (see `size_in`): the first number."""
+        """First number of a shape: the size, where `size_in` says that the shape has it."""
         return shape.numbers[0]
-
-    def contributions(self, given: GivenNumbers) -> Iterable[Contribution]:
-        """By default the torque of its law, with its parameters in the order of `specs`.
-
-        Once, or for each term where the parameters are numbered.
-        """
-        names = [spec.name for spec in self.specs]
-        terms = given.terms if names[0].endswith("_k") else [given.value]
-        return [
-            TorqueTerm(law, tuple(term[name] for name in names), self.part == "friction", self.dry)
-            for term in terms
-            for law in self.laws
-            if isinstance(law, TorqueLaw)
-        ]
 
     def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:
         """Shapes with a further term, up to `most_terms`, paired with the shape of that term."""

@@ -42,7 +42,6 @@ class Elasticity(StructuralEffect[ShaftShape]):
     order = 90
     part = "shaft"
     family = "frequency"
-    confounders = ("time_delay", "backlash")
     excitation = "a sweep to twice the resonance, small amplitude"
     segments = ("multisine",)
     size_in = "scale"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
-from idim_iv_ros.effects.contribution import EncoderError, EncoderLaw
+from idim_iv_ros.effects.cause import ParameterSpec
+from idim_iv_ros.effects.contribution import EncoderLaw
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
@@ -31,9 +31,6 @@ def _error(p: FloatArray, q: float) -> tuple[float, float]:
     return error, p[0] * c1 - p[1] * s1 + 2.0 * (p[2] * c2 - p[3] * s2)
 
 
-_LAW = EncoderLaw(_error)
-
-
 class EncoderEccentricity(StructuralEffect[DiscShape]):
     """q_measured = q + sine sin q + cosine cos q (+ twice a turn).
 
@@ -45,21 +42,20 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     family = "position"
     typical = 0.002  # rad, of 0.01 to 5 mrad
     linear = _NAMES
-    confounders = ("spring", "position_ripple")
     excitation = "fast full turns, or a second encoder on the link"
     segments = ("range_sweep",)
     specs = tuple(
         ParameterSpec(name, "rad", f"encoder error with {words}")
         for name, words in zip(_NAMES, ("sin q", "cos q", "sin 2q", "cos 2q"), strict=True)
     )
-    laws = (_LAW,)
+    laws = (EncoderLaw(_error),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[DiscShape]:
         """Shapes with one period a turn, and with one and two."""
         return [DiscShape(False), DiscShape(True)]
 
     def cannot_show(self, joint: int, covered: OperatingRange) -> str:
-        """Why a joint turns too little to show the effect; empty if it does not."""
+        """Why a joint turns too little to show the effect; empty if it turns enough."""
         span, length = covered.span(joint), covered.length(joint)
         if length == "rad" and span >= _LEAST_TURN:
             return ""
@@ -82,7 +78,3 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     def admissible(self, shape: DiscShape, coefficients: FloatArray) -> bool:
         """Small errors only: no disc is further out than 50 mrad."""
         return bool(np.max(np.abs(coefficients)) < 0.05)
-
-    def contributions(self, given: GivenNumbers) -> list[EncoderError]:
-        """An error of the encoder."""
-        return [EncoderError(_LAW, given.values(*_NAMES))]

@@ -52,6 +52,10 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 
 @kernel
 def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> None:
+    """Warm the joint by its speed beyond the mean, exactly for a speed that is constant in a step.
+
+    The values are those of `_torque`.
+    """
     if p[4] > 0.0:
         state[0] += -math.expm1(-step / p[0]) * (abs(dq) / p[4] - 1.0 - state[0])
 
@@ -72,7 +76,6 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     linear = ("coulomb", "viscous")
     dry = True
     signed = True  # friction may fall or rise
-    confounders = ("nonlinear_viscous",)
     excitation = "one motion repeated at the start, in the middle and at the end of the session"
     segments = ("repeat",)
     typical = ShareOf("dry friction", 0.4)  # 30 to 60 %

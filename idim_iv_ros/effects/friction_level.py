@@ -10,7 +10,6 @@ class FrictionLevel(ParametricEffect):
     name = "friction_level"
     order = 40
     part = "friction"
-    confounders = ("torque_gain", "stribeck", "load_dependent_friction")
     excitation = "slow and fast motion in both directions"
     segments = ("plateau",)
     specs = (

@@ -13,7 +13,6 @@ class GravityDirection(ParametricEffect):
     order = 20
     part = "gravity"
     largest = 0.6  # rad: beyond it the small rotation that is assumed is none
-    confounders = ("payload", "link_inertia", "spring")
     excitation = "slow motion through the whole range of all joints"
     segments = ("range_sweep",)
     specs = tuple(

@@ -53,7 +53,6 @@ class JointCoupling(StructuralEffect[CouplingShape]):
     linear = ("coulomb", "viscous")
     ends: ClassVar = {"power": (0.5, 1.6)}
     fixed = ("direction",)
-    confounders = ("nonlinear_viscous", "stribeck")
     excitation = "both joints in the same and in opposite directions"
     segments = ("plateau",)
     joints_needed = 2

@@ -12,7 +12,6 @@ class LinkInertia(ParametricEffect):
     name = "link_inertia"
     order = 60
     part = "link"
-    confounders = ("payload", "drive_inertia", "torque_gain")
     excitation = "all joints, fast and in many poses"
     segments = ("repeat", "multisine")
     sets = (POINT, INERTIAL)  # mass and first moments alone: a payload may have nothing else

@@ -55,7 +55,6 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     family = "load"
     ends: ClassVar = {"exponent": (0.6, 1.6)}
     fixed = ("scale",)
-    confounders = ("position_dependent_friction", "torque_saturation")
     excitation = "one path with two payloads, or slowly through postures of high and low gravity"
     segments = ("range_sweep", "plateau")
     specs = (

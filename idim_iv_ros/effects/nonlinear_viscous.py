@@ -46,7 +46,6 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     family = "velocity"
     linear = ("coefficient",)
     bends_with_speed = True
-    confounders = ("stribeck", "friction_drift")
     excitation = "stretches of constant speed over the whole range of speeds"
     segments = ("plateau",)
     typical = ShareOf("dry friction", 0.5)

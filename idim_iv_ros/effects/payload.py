@@ -25,7 +25,6 @@ class Payload(ParametricEffect):
     order = 10
     part = "load"
     prior_weight = 4.0  # tools are changed, links are not
-    confounders = ("link_inertia", "torque_gain", "gravity_direction")
     excitation = "all joints, in poses that move the last link through all directions of gravity"
     segments = ("repeat",)
     sets = (POINT, INERTIAL)  # a point mass, and any rigid body

@@ -11,7 +11,7 @@ from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf
 from idim_iv_ros.effects.motion import RobotMotion, Torques
-from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs, wave_values
+from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs
 from idim_iv_ros.types import FloatArray
 
 _BEYOND = 0.2  # of the range: a spot may lie outside, its flank inside
@@ -48,7 +48,6 @@ class PositionDependentFriction(WaveEffect):
     family = "position"
     signed = True  # a spot may be tight or loose
     periods, lowest = 0.7, 0.0
-    confounders = ("load_dependent_friction", "position_ripple")
     excitation = "the same places in both directions, slowly"
     segments = ("range_sweep",)
     typical = ShareOf("dry friction", 0.1)  # 5 to 15 %
@@ -114,5 +113,6 @@ class PositionDependentFriction(WaveEffect):
         """Dry friction of the spot, or of all waves."""
         spot = given.values("centre", "width", "height")
         yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
-        for values in wave_values(given):
+        for term in given.terms:
+            values = term["wave_number_k"], term["sine_k"], term["cosine_k"]
             yield TorqueTerm(_WAVES, values, friction=True, dry=True)

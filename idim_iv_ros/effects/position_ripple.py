@@ -19,7 +19,6 @@ class PositionRipple(WaveEffect):
     order = 120
     family = "position"
     signed = True
-    confounders = ("spring", "position_dependent_friction")
     excitation = "slow constant speed over many periods, in both directions"
     segments = ("range_sweep",)
     typical = ShareOf("peak", 0.015)  # 0.5 to 3 %

@@ -61,9 +61,10 @@ def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: floa
 
 @kernel
 def _turns(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> bool:
-    """Whether one that was taken to bend slides in the middle of this step, or turned.
+    """Whether bristles taken to bend slide by the middle of this step, or sliding ones turned back.
 
-    Bristles are stiffer than any prediction of where they will be.
+    `state` then holds what they do instead, and the step is computed again. Bristles are stiffer
+    than any prediction of where they will be.
     """
     moved = 0.5 * step * (dq + 0.5 * step * ddq) / p[0]
     if state[1] == 0.0 and abs(state[0] + moved) > 1.0:
@@ -90,7 +91,6 @@ class Presliding(StructuralEffect[BristleShape]):
     part = "friction"
     family = "velocity"
     linear = ("level_k",)
-    confounders = ("stribeck", "backlash")
     excitation = "many small reversals of different sizes, at different rates"
     segments = ("reversals",)
     typical = ShareOf("dry friction", 0.5)

@@ -65,7 +65,6 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
     order = 130
     family = "position"
     signed = True  # the model absorbs what looks like gravity, and what is left has no sign
-    confounders = ("position_ripple", "asymmetric_friction")
     excitation = "the whole range of the joint, slowly"
     segments = ("range_sweep",)
     typical = ShareOf("peak", 0.1)

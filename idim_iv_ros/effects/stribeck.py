@@ -52,7 +52,6 @@ class Stribeck(StructuralEffect[StribeckShape]):
     dry = True
     bends_with_speed = True
     ends: ClassVar = {"exponent": (0.5, 2.5)}
-    confounders = ("nonlinear_viscous", "presliding")
     excitation = "slow sweeps in both directions: a fifth of the time below the Stribeck speed"
     segments = ("creep",)
     typical = ShareOf("dry friction", 0.2)  # static over dry friction 1.05 to 1.6

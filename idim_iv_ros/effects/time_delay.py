@@ -36,7 +36,6 @@ class TimeDelay(StructuralEffect[DelayShape]):
     family = "frequency"
     typical = 0.002  # s, of 0.25 to 20 ms
     ends: ClassVar = {"delay": (1e-4, np.inf)}
-    confounders = ("elasticity", "nonlinear_viscous")
     excitation = "energy above 2 Hz and sharp reversals"
     segments = ("multisine",)
     size_in = "scale"

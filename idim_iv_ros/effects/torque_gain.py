@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
-from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
+from idim_iv_ros.effects.cause import Parameters, ParameterSpec
+from idim_iv_ros.effects.contribution import DriveLaw
 from idim_iv_ros.effects.parametric_effect import (
     Change,
     Estimated,
@@ -21,9 +21,6 @@ def _curve(p: FloatArray, command: float) -> float:
     return acting
 
 
-_LAW = DriveLaw(_curve)
-
-
 class TorqueGain(ParametricEffect):
     """Actual torque = factor · recorded torque: the recording holds torque / factor."""
 
@@ -31,13 +28,12 @@ class TorqueGain(ParametricEffect):
     order = 30
     part = "torque scale"
     largest = 0.6  # of the recorded torque that is needed, more or less
-    confounders = ("payload", "link_inertia", "friction_level")
     excitation = "a known load: gravity and inertia that the nominal model is right about"
     beyond_motion = "needs a known load: repeat the motion with a payload of known mass"
     specs = (ParameterSpec("factor", "", "actual torque over recorded torque", 1.0, "positive"),)
     in_base_parameters = False
     everywhere = True
-    laws = (_LAW,)
+    laws = (DriveLaw(_curve, rank=1),)
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """The gain of the recorded torque, by itself."""
@@ -54,7 +50,3 @@ class TorqueGain(ParametricEffect):
                 factor = 1.0 / (1.0 + estimate.value)
                 named |= self.numbers(factor=(factor, estimate.std * factor**2))
         return named
-
-    def contributions(self, given: GivenNumbers) -> list[DriveCurve]:
-        """A factor between the command and the torque that acts."""
-        return [DriveCurve(_LAW, (given.value["factor"],), rank=1)]

@@ -10,7 +10,6 @@ class TorqueOffset(ParametricEffect):
     name = "torque_offset"
     order = 35
     part = "offset"
-    confounders = ("payload", "gravity_direction")
     excitation = "the whole range of the joint, slowly, in both directions"
     segments = ("range_sweep",)
     specs = (

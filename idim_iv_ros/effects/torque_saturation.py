@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
-from idim_iv_ros.effects.contribution import DriveCurve, DriveLaw
+from idim_iv_ros.effects.cause import Parameters, ParameterSpec
+from idim_iv_ros.effects.contribution import DriveLaw
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
@@ -29,9 +29,6 @@ def _curve(p: FloatArray, command: float) -> float:
     return math.copysign(size, command)
 
 
-_LAW = DriveLaw(_curve)
-
-
 class TorqueSaturation(StructuralEffect[KneeShape]):
     """Command beyond the knee: the acting torque rises with a smaller slope.
 
@@ -42,7 +39,6 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     order = 110
     part = "limit"
     family = "load"
-    confounders = ("load_dependent_friction", "nonlinear_viscous")
     excitation = "high accelerations with a payload, up to the torque limit"
     beyond_motion = "needs torques near the limit: add a payload, or raise --margin"
     beyond_knee = True
@@ -51,7 +47,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
         ParameterSpec("knee", "N m", "torque from which on it saturates", None, "positive"),
         ParameterSpec("slope", "", "share of the torque beyond that acts", bound="not negative"),
     )
-    laws = (_LAW,)
+    laws = (DriveLaw(_curve, rank=0),)
 
     def grid(self, place: Place, covered: OperatingRange) -> list[KneeShape]:
         """Knees from 15 to 95 % of the largest torque."""
@@ -76,7 +72,3 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
         """Knee, and slope of the torque beyond it."""
         slope = 1.0 / (1.0 + max(float(coefficients[0]), 0.0))
         return self.numbers(knee=(shape.knee, None), slope=(slope, deviations[0] * slope**2))
-
-    def contributions(self, given: GivenNumbers) -> list[DriveCurve]:
-        """Saturation of the command."""
-        return [DriveCurve(_LAW, (given.value["knee"], given.value["slope"]), rank=0)]

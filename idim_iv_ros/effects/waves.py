@@ -1,14 +1,14 @@
 """Sums of waves over a joint's position, for ripple and for friction that depends on position."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
+from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
@@ -41,12 +41,6 @@ def wave(p: FloatArray, position: float) -> float:
     phase = p[0] * position
     value: float = p[1] * math.sin(phase) + p[2] * math.cos(phase)
     return value
-
-
-def wave_values(given: GivenNumbers) -> Iterable[tuple[float, ...]]:
-    """Values with which `wave` is called, for all waves of an effect."""
-    for term in given.terms:
-        yield term["wave_number_k"], term["sine_k"], term["cosine_k"]
 
 
 def _apart(shape: Waves, resolution: float) -> bool:

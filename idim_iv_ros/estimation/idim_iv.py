@@ -195,6 +195,7 @@ class _Iteration:
             raise SourceFailure(str(error)) from error
 
     def _change(self, previous: FloatArray, linear: LinearEstimate) -> tuple[float, int]:
+        """Largest relative change of a well-known parameter, and the place of that parameter."""
         deviation = np.sqrt(np.diag(self._white_covariance(linear)))
         well_known = deviation <= _WELL_KNOWN * np.abs(linear.values)
         if not well_known.any():

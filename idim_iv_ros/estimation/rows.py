@@ -70,9 +70,9 @@ class JointRows:
         """Residual y − X β (r,) at base parameters (b,)."""
         return self.torque - self.prediction(parameters)
 
-    def with_instruments(self, matrix: FloatArray) -> "JointRows":
-        """Return the rows with other instruments Z (r, c)."""
-        return replace(self, instrument_matrix=None if matrix is self.matrix else matrix)
+    def with_instruments(self, matrix: FloatArray | None) -> "JointRows":
+        """Return the rows with other instruments Z (r, c); None: X is its own instrument."""
+        return replace(self, instrument_matrix=matrix)
 
     def whitened(self, model: AutoregressiveModel) -> "JointRows":
         """Return the rows with y, X and Z filtered by Ĉ(z⁻¹), the prediction error of `model`."""
@@ -128,7 +128,7 @@ class JointRows:
     @cached_property
     def r_factor(self) -> FloatArray:
         """Upper triangle R (≤ c + 1, c + 1) of the QR decomposition of [X y]."""
-        rows = self if self.instrument_matrix is None else replace(self, instrument_matrix=None)
+        rows = self if self.instrument_matrix is None else self.with_instruments(None)
         reduced = rows.reduced
         return np.column_stack([reduced.matrix, reduced.torque])
 

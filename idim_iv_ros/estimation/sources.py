@@ -119,6 +119,7 @@ def instrument_sources(
 
 
 def _starts(configuration: Configuration, model: InverseModel) -> tuple[Start, ...]:
+    """Values with which the iteration may begin: the nominal ones, if usable, then regular ones."""
     regular = Start("the regular start", model.regular, spread=None)
     usable = model.robot.has_inertials and configuration.signals.effort_unit == "N m"
     if configuration.identification.start == "regular" or not usable:

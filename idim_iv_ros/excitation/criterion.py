@@ -95,27 +95,12 @@ class ExcitationCost:
         for signal in range(3):
             for joint in range(joints):
                 states[signal, 1 + signal * joints + joint, :, joint] += steps[signal]
-        flat = states.reshape(3, -1, joints)
-        matrices = self.model.matrix(*flat)
-        self._smooth_signs(matrices, flat[1])
+        q, dq, ddq = states.reshape(3, -1, joints)
+        matrices = self.model.matrix(q, dq, ddq, _SMOOTH * self.limits.velocity)
         matrices = matrices.reshape(1 + 3 * joints, samples, joints, -1)
         slopes = matrices[1:] - matrices[0]
         slopes /= np.repeat(steps, joints)[:, None, None, None]
         return matrices[0], slopes
-
-    def _smooth_signs(self, matrices: FloatArray, dq: FloatArray) -> None:
-        layout = self.model.regressor.layout
-        pairs = {second: first for first, second in layout.coupling_joints}
-        width = _SMOOTH * self.limits.velocity
-        for column, standard in enumerate(self.model.base.columns):
-            parameter = layout.parameters[standard]
-            joint = parameter.joint
-            if parameter.kind == "Fc":
-                matrices[:, joint, column] = np.tanh(dq[:, joint] / width[joint])
-            elif parameter.kind == "Fcm":
-                other = pairs[joint]
-                coupled = np.tanh((dq[:, joint] + dq[:, other]) / width[joint])
-                matrices[:, joint, column] = matrices[:, other, column] = coupled
 
     def _criterion(self, regressor: FloatArray) -> tuple[float, FloatArray]:
         """Log κ_p or mean log 1/σ, and its derivative by each entry of the unweighted regressor."""

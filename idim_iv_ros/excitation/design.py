@@ -211,6 +211,7 @@ class Search:
     def _improve(
         self, x: FloatArray, steps: tuple[tuple[float, float, int], ...], deadline: float
     ) -> FloatArray:
+        """Minimise the cost with the power, weight and iterations of one step after another."""
         for power, weight, iterations in steps:
             if time.monotonic() > deadline:
                 self.ended_early = True

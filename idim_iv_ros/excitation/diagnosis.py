@@ -173,6 +173,12 @@ class DiagnosisPlanner:
         fastest: FloatArray,
         slot: float,
     ) -> Segment:
+        """Constant speed forth and back through `centre` (n_joints,), within `slot` s.
+
+        - `room`: (n_joints,), how far from the centre the joints may go, rad (m)
+        - `fastest`: (n_joints,), speed to begin with, which is lowered until all limits hold
+        """
+
         def make(size: float) -> Segment:
             speed = size * fastest
             ramp = self._ramp(speed)

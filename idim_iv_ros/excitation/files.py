@@ -99,19 +99,14 @@ def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float)
             f"{rate:g} points per second: a rate above 0 and up to that of the trajectory, "
             f"{trajectory.rate:g} per second, is needed"
         )
-    samples = len(trajectory.position)
-    kept = np.arange(0, samples, max(1, round(trajectory.rate / rate)))
-    if kept[-1] != samples - 1:
-        kept = np.append(kept, samples - 1)
     file.write("header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}\n")
     file.write(f"joint_names: {json.dumps(trajectory.joints, ensure_ascii=False)}\n")
     file.write("points:\n")
-    for sample in kept:
-        nanoseconds = round(sample / trajectory.rate * 1e9)
+    for nanoseconds, point in trajectory.points(rate):
+        position, velocity, acceleration = map(_numbers, point)
         file.write(
-            f"- {{positions: {_numbers(trajectory.position[sample])},\n"
-            f"   velocities: {_numbers(trajectory.velocity[sample])},\n"
-            f"   accelerations: {_numbers(trajectory.acceleration[sample])},\n"
+            f"- {{positions: {position},\n   velocities: {velocity},\n"
+            f"   accelerations: {acceleration},\n"
             f"   effort: [], time_from_start: {{sec: {nanoseconds // 10**9}, "
             f"nanosec: {nanoseconds % 10**9}}}}}\n"
         )

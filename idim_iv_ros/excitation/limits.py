@@ -202,6 +202,7 @@ def _per_joint(acceleration: Sequence[float], joints: int) -> FloatArray:
 
 
 def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArray:
+    """Limits (n_joints,) that leave torque for the other loads, where none are given."""
     quick = limits.velocity / SECONDS_TO_FULL_SPEED
     if not limits.torque_known:
         return quick

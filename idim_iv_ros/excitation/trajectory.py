@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -68,6 +68,16 @@ class Trajectory:
             )
         columns = [self.joints.index(joint) for joint in joints]
         return Trajectory(tuple(joints), self.rate, *(part[:, columns] for part in self.signals))
+
+    def points(self, rate: float) -> Iterator[tuple[int, list[list[float]]]]:
+        """Thin the motion to about `rate` points per second; the last sample is one of them.
+
+        Yields the time of each point from the start, ns, with its position, velocity and
+        acceleration.
+        """
+        step, last = max(1, round(self.rate / rate)), len(self.position) - 1
+        for sample in [*range(0, last, step), last]:
+            yield round(sample / self.rate * 1e9), [part[sample].tolist() for part in self.signals]
 
     @property
     def signals(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -82,7 +82,7 @@ def read_contents(path: Path) -> BagContents:
     described = {name for name in topics if name.endswith(_DESCRIPTION)}
     kinds = {name: kind for name, kind in topics.items() if may_hold_joints(kind)}
     descriptions: dict[str, str] = {}
-    names: dict[str, JointMessageReader] = {}
+    readers: dict[tuple[str, bool], JointMessageReader] = {}
     numbers: dict[str, int] = {}
     counts: dict[str, tuple[int, int, int]] = {}  # messages, first and last arrival in ns
     for topic, batch in bag.batches({*kinds, *described}):
@@ -93,13 +93,15 @@ def read_contents(path: Path) -> BagContents:
         count, first, _ = counts.get(topic, (0, int(batch.arrival[0]), 0))
         counts[topic] = (count + len(batch), first, int(batch.arrival[-1]))
         if kinds[topic] != FLOAT_ARRAY:
-            if topic not in names:
-                names[topic] = JointMessageReader(topic, _kind(bag, topic), [], [])
-            names[topic].add(batch)
+            controller = kinds[topic] in (CONTROLLER_STATE, MANY_STATES)
+            for asked in (False, True) if controller else (False,):
+                if (topic, asked) not in readers:
+                    readers[topic, asked] = _reader(bag, topic, asked)
+                readers[topic, asked].add(batch)
         elif topic not in numbers:
             first_message = JointMessageType(FLOAT_ARRAY).read(batch.message(0), ["effort"])
             numbers[topic] = len(first_message.numbers.get("effort", ()))
-    joints = _joints(bag, {topic: reader.finish().names for topic, reader in names.items()})
+    joints = {place: _joints(reader) for place, reader in readers.items()}
     contents = tuple(
         TopicContents(
             topic,
@@ -121,36 +123,23 @@ def read_contents(path: Path) -> BagContents:
     return BagContents(path, contents, unreadable, description)
 
 
-def _kind(bag: Bag, topic: str, *, asked: bool = False) -> JointMessageType:
+def _reader(bag: Bag, topic: str, asked: bool) -> JointMessageReader:
+    """Read all joints of a topic: what was measured, or what a controller was `asked` for."""
     name = bag.topics[topic]
-    return JointMessageType(name, bag.definitions.get(name), reference=asked)
+    kind = JointMessageType(name, bag.definitions.get(name), reference=asked)
+    return JointMessageReader(topic, kind, [], ["position", "effort"], grows=True)
 
 
-def _joints(
-    bag: Bag, names: dict[str, tuple[str, ...]]
-) -> dict[tuple[str, bool], dict[str, JointContents]]:
-    """Contents of the topics: what was measured, and what controllers were asked for."""
-    readers: dict[tuple[str, bool], JointMessageReader] = {}
-    for topic, name in names.items():
-        controller = bag.topics[topic] in (CONTROLLER_STATE, MANY_STATES)
-        for asked in (False, True) if controller else (False,):
-            kind = _kind(bag, topic, asked=asked)
-            readers[topic, asked] = JointMessageReader(topic, kind, name, ["position", "effort"])
-    for topic, batch in Bag(bag.path).batches(set(names)):
-        for asked in (False, True):
-            if (topic, asked) in readers:
-                readers[topic, asked].add(batch)
-    contents = {}
-    for (topic, asked), reader in readers.items():
-        values = reader.finish().values
-        contents[topic, asked] = {
-            joint: _contents(values["position"][:, column], values["effort"][:, column])
-            for column, joint in enumerate(names[topic])
-        }
-    return contents
+def _joints(reader: JointMessageReader) -> dict[str, JointContents]:
+    values = reader.finish().values
+    return {
+        joint: _joint_contents(values["position"][:, column], values["effort"][:, column])
+        for column, joint in enumerate(reader.joints)
+    }
 
 
-def _contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
+def _joint_contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
+    """Sum up what messages (n,) hold of one joint; NaN where they hold nothing."""
     messages = int(np.count_nonzero(np.isfinite(position) | np.isfinite(effort)))
     position, effort = position[np.isfinite(position)], effort[np.isfinite(effort)]
     return JointContents(

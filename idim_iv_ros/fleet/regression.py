@@ -67,6 +67,7 @@ def bag_fields(
 
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
+    """Identify one recording, and keep what the estimate of the whole bag needs of it."""
     identification = identified([recording], configuration, "idim-iv", Stopwatch(None))
     result = assemble_result(identification)
     return Segment(
@@ -88,11 +89,10 @@ def whitened_r_factor(identification: Identified) -> FloatArray:
     """
     rows, models = identification.rows, identification.refined.models
     width = len(identification.prepared.model.base.columns) + 1
-    plain = [joint.with_instruments(joint.matrix) for joint in rows]
     factors = [
-        joint.standardized_r_factor(model) for joint, model in zip(plain, models, strict=True)
+        joint.standardized_r_factor(model) for joint, model in zip(rows, models, strict=True)
     ]
-    return _square(stacked_r_factor(factors, [joint.places for joint in plain], width))
+    return _square(stacked_r_factor(factors, [joint.places for joint in rows], width))
 
 
 def stacked(factors: Sequence[FloatArray]) -> FloatArray:

@@ -308,6 +308,11 @@ class FleetRobot:
     changes: tuple[ParameterChange, ...] = ()
     diagnosis: GapSummary | None = None
 
+    @property
+    def differs(self) -> bool:
+        """Whether any quantity differs from the type's."""
+        return any(quantity.differs for quantity in self.quantities)
+
 
 @dataclass(frozen=True)
 class Screened:

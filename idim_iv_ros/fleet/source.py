@@ -48,6 +48,7 @@ def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
     try:
         return function(*arguments, **named)
     except FileNotFoundError as error:
+        # Some stores say "not found" when the real cause is that they could not be asked.
         if isinstance(error.__cause__, OSError) and type(error.__cause__) is not type(error):
             raise StoreError(0, f"no answer ({one_line(error.__cause__)})") from error
         raise

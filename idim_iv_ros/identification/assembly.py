@@ -193,7 +193,7 @@ def _parameters(
             fit_autoregression(residual, joint.segments)
             for joint, residual in zip(rows, weighted.residuals, strict=True)
         ]
-        observed = [joint.with_instruments(joint.matrix) for joint in rows]
+        observed = [joint.with_instruments(None) for joint in rows]
         ls_covariance = AutocorrelatedCovariance(
             observed, weighted.sigma, models, len(weighted.values)
         )

@@ -2,11 +2,11 @@
 
 from dataclasses import asdict, dataclass
 
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import UsageError, first_of
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import words_of_name
-from idim_iv_ros.statistics.drift import in_deviations, largest_by_chance
+from idim_iv_ros.statistics.drift import drifts_of
 
 _LEVEL = 0.05  # probability that any parameter of two equal robots is called different
 _MOST_NAMES = 3  # in the sentence
@@ -17,7 +17,7 @@ class ParameterPair:
     """A base parameter in two results of identifications, and its difference.
 
     `words`: what the parameter of its name is; `deviations`: second less first, in standard
-    deviations of the difference (`in_deviations`); `differs`: whether that is beyond what chance
+    deviations of the difference (`Drift`); `differs`: whether that is beyond what chance
     does among all parameters.
     """
 
@@ -62,11 +62,10 @@ class ParameterComparison:
                 f"standard deviations, which results of an unchanged robot exceed with a "
                 f"probability of {level}."
             )
-        more = f" and {len(differing) - _MOST_NAMES} more" if len(differing) > _MOST_NAMES else ""
         verb = "differs" if len(differing) == 1 else "differ"
         return (
-            f"{len(differing)} of {count} parameters {verb}: {', '.join(differing[:_MOST_NAMES])}"
-            f"{more}. Results of an unchanged robot differ so with a probability of {level}."
+            f"{len(differing)} of {count} parameters {verb}: {first_of(differing, _MOST_NAMES)}. "
+            f"Results of an unchanged robot differ so with a probability of {level}."
         )
 
     def to_document(self) -> dict[str, object]:
@@ -93,30 +92,31 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    limit = largest_by_chance(_LEVEL, len(shared))
-    pairs = []
-    for one, two in ((by_name[0][name], by_name[1][name]) for name in shared):
-        deviations = in_deviations(one.value, one.std, two.value, two.std)
-        pairs.append(
-            ParameterPair(
-                name=one.name,
-                unit=one.unit,
-                expression=one.expression,
-                words=words_of_name(one.name, results[0].joints),
-                first=one.value,
-                first_std=one.std,
-                second=two.value,
-                second_std=two.std,
-                deviations=deviations,
-                differs=abs(deviations) > limit,
-            )
+    first_of, second_of = (
+        {name: (of[name].value, of[name].std) for name in shared} for of in by_name
+    )
+    drifts = drifts_of(first_of, second_of, _LEVEL)
+    pairs = [
+        ParameterPair(
+            name=drift.name,
+            unit=by_name[0][drift.name].unit,
+            expression=by_name[0][drift.name].expression,
+            words=words_of_name(drift.name, results[0].joints),
+            first=drift.before,
+            first_std=drift.before_std,
+            second=drift.now,
+            second_std=drift.now_std,
+            deviations=drift.statistic,
+            differs=drift.drifts,
         )
+        for drift in drifts
+    ]
     return ParameterComparison(
         names=(str(first), str(second)),
         robot=results[0].robot,
         bags=tuple(tuple(bag.path for bag in result.bags) for result in results),
         pairs=tuple(sorted(pairs, key=lambda pair: -abs(pair.deviations))),
-        limit=limit,
+        limit=drifts[0].limit,
         alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),
         configuration=results[1].configuration,
     )

@@ -34,6 +34,8 @@ _MOSTLY_FRICTION = 0.5  # of the variance of the effort
 _STATIC = 0.95  # of that variance
 _ABSENT = 0.2  # of the torque of accelerations that the nominal masses need
 _BETTER_WITH_SIGNS = 0.7  # of the residual
+_MOSTLY_MASSES = 0.5  # of the variance of the effort beside friction
+_ANOTHER_UNIT = 10.0  # times what the other joints have
 _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
@@ -65,6 +67,7 @@ def joint_findings(
     model.
     """
     statistics = effort_statistics(model, motions, cutoffs)
+    units = _other_units(statistics) if effort_unit == "N m" else {}
     findings: list[JointFinding] = []
     signals_of = [_Signals(model, motions, joint, effort_unit) for joint in range(len(statistics))]
     positions = [list(signals.positions()) for signals in signals_of]
@@ -81,8 +84,35 @@ def joint_findings(
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
         if of_effort is not None:
-            findings += signals.efforts(of_effort)
+            findings += signals.efforts(of_effort, units.get(joint))
     return tuple(findings)
+
+
+def _other_units(statistics: Sequence[EffortStatistics | None]) -> dict[int, float]:
+    """Joints whose effort has a smaller unit than the others', and how many times as large it is.
+
+    It follows the torque of the nominal masses, but is far larger by it than the other joints', and
+    far larger than theirs. A payload at a light wrist makes the first alone; masses that are all
+    placeholders make neither.
+    """
+    efforts = {joint: effort for joint, effort in enumerate(statistics) if effort is not None}
+    ratios = {
+        joint: effort.torque.value
+        for joint, effort in efforts.items()
+        if effort.torque is not None
+        and effort.torque.of_rest >= _MOSTLY_MASSES
+        and effort.torque.value > 0.0
+    }
+    made = {}
+    for joint, ratio in ratios.items():
+        others = [value for other, value in ratios.items() if other != joint]
+        sizes = [effort.size for other, effort in efforts.items() if other != joint]
+        if not others or efforts[joint].size < _ANOTHER_UNIT * np.median(sizes):
+            continue
+        times = ratio / float(np.median(others))
+        if times > _ANOTHER_UNIT:
+            made[joint] = times
+    return made
 
 
 def _moved_by(model: InverseModel, moving: Sequence[int]) -> frozenset[int]:
@@ -190,9 +220,17 @@ class _Signals:
                 f"{size.max():.3g}, usual up to {usual:.3g}): look at the driver",
             )
 
-    def efforts(self, effort: EffortStatistics) -> Iterator[JointFinding]:
-        """Efforts that cannot be the torque of this joint."""
+    def efforts(self, effort: EffortStatistics, times: float | None) -> Iterator[JointFinding]:
+        """Efforts that cannot be the torque of this joint.
+
+        `times`: by how much the effort is larger than the other joints' units make it, if it is.
+        """
         sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
+        if not sentence and times is not None:
+            sentence = (
+                f"the effort is {times:.2g} times what the nominal masses need in the unit of the "
+                "other joints: give what makes it a torque as signals.effort_scale"
+            )
         if sentence:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
         elif self.in_newton_metres and effort.given_friction > _FRICTION * effort.size:

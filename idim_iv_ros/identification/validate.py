@@ -86,7 +86,7 @@ def validate(
         tested = _tested(prepared, observed, estimate)
         rows = with_instruments(tested.rows, tested.instruments.matrices)
         noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
-        observed_alone = [joint.with_instruments(joint.matrix) for joint in observed]
+        observed_alone = [joint.with_instruments(None) for joint in observed]
         covariance = white_covariance(observed_alone, noise, len(values))
         errors = tested.source.prediction_errors(values, covariance)
         candidates = functions_of_motion(

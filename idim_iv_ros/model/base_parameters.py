@@ -128,6 +128,7 @@ def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, 
 def _random_states(
     limits: JointLimits, parameters: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """States q, dq, ddq (n_states, n_joints) within the position limits, always the same."""
     joints = len(limits.lower)
     random = np.random.default_rng(_SEED)
     shape = (max(50, _SAMPLES_PER_PARAMETER * parameters), joints)
@@ -142,6 +143,7 @@ def _random_states(
 def _grouping(
     rows: FloatArray, norms: FloatArray, columns: NDArray[np.int64], basis: FloatArray
 ) -> FloatArray:
+    """Grouping (b, p): how much of each standard parameter is in the base parameter of a column."""
     upper = basis.T @ rows[:, columns]
     grouping = np.linalg.solve(upper, basis.T @ rows)
     grouping[:, columns] = np.eye(len(columns))

@@ -25,9 +25,11 @@ class InverseModel:
     regressor: StandardRegressor
     base: BaseParameters
 
-    def matrix(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """Base regressor (n_samples, n_joints, b) at states, (n_samples, n_joints)."""
-        standard = self.regressor(q, dq, ddq)
+    def matrix(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None = None
+    ) -> FloatArray:
+        """Base regressor (n_samples, n_joints, b) at states; arguments as of `regressor`."""
+        standard = self.regressor(q, dq, ddq, smooth)
         return np.asarray(standard[:, :, self.base.columns])
 
     def joint_matrices(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> list[FloatArray]:

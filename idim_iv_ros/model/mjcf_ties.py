@@ -58,6 +58,7 @@ def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
 
 
 def _of_equality(mujoco: Any, model: Any, equality: int) -> set[int]:
+    """Joints that an equality ties to each other or to the world."""
     kind, kinds = model.eq_type[equality], mujoco.mjtEq
     first, second = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
     if kind == kinds.mjEQ_JOINT:
@@ -87,6 +88,7 @@ def _acts(mujoco: Any, model: Any, tendon: int) -> bool:
 
 
 def _of_tendon(mujoco: Any, model: Any, tendon: int) -> set[int]:
+    """Joints that a tendon pulls: those it wraps, and those between the bodies of its sites."""
     joints: set[int] = set()
     bodies = []
     first = int(model.tendon_adr[tendon])

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 JointType = Literal["revolute", "prismatic"]
 EffortUnit = Literal["N m", "A", "V"]
@@ -179,6 +179,12 @@ class ParameterLayout:
     def names(self) -> tuple[str, ...]:
         """Names of all standard parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    @cached_property
+    def of_bodies(self) -> IntArray:
+        """Places (n_joints, 10) of XX … M of each link in a vector of this layout."""
+        places = [k for k, parameter in enumerate(self.parameters) if parameter.kind in INERTIAL]
+        return np.array(places).reshape(-1, len(INERTIAL))
 
     def vector(self, values: DynamicParameters) -> FloatArray:
         """Write values into a vector (n_standard,) of this layout; other terms are left out."""

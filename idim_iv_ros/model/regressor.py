@@ -20,20 +20,11 @@ from idim_iv_ros.model.link_motion import (
     link_frames,
     move_links,
     place_links,
+    turn,
 )
-from idim_iv_ros.model.parameters import INERTIAL, REGRESSOR_ORDER, ParameterLayout
+from idim_iv_ros.model.parameters import REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
-
-
-@kernel
-def turn(matrix: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Product of a rotation and a vector."""
-    return (
-        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
-        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
-    )
 
 
 @kernel
@@ -100,7 +91,7 @@ def _entry(digest: str) -> Callable[..., Any]:
 
         - `q`, `dq`, `ddq`: (samples, n), joints in tree order
         - `motion`, `pose` (3, 4), `row` (10,): written to
-        - `place`: (n, 10), column of each parameter of each link; -1: none
+        - `place`: (n, 10), column of each parameter of each link
         - `rows`: (n,), row of each joint of the tree
         - `matrix`: zeros where a joint does not move a link
         """
@@ -134,8 +125,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                         axis, slide = (0.0, 0.0, 0.0), axis
                     joint_row(axis, slide, acceleration, spin, rate, row)
                     for k in range(10):
-                        if place[i - 1, k] >= 0:
-                            matrix[sample, rows[j - 1], place[i - 1, k]] = row[k]
+                        matrix[sample, rows[j - 1], place[i - 1, k]] = row[k]
                     ascend(motion.rotation[j], motion.translation[j], pose)
                     j = frames.parent[j]
 
@@ -153,10 +143,13 @@ class StandardRegressor:
     robot: RobotModel
     layout: ParameterLayout  # Columns of the matrix
 
-    def __call__(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+    def __call__(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None = None
+    ) -> FloatArray:
         """Evaluate at n_samples states.
 
         - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
+        - `smooth`: (n_joints,) speeds below which the sign of dry friction is smoothed; None: sharp
 
         Returns (n_samples, n_joints, n_standard).
         """
@@ -174,7 +167,7 @@ class StandardRegressor:
             order,
             matrix,
         )
-        self._drives(matrix, dq, ddq)
+        self._drives(matrix, dq, ddq, smooth)
         return matrix
 
     @cached_property
@@ -183,15 +176,18 @@ class StandardRegressor:
 
     @cached_property
     def _inertial_places(self) -> IntArray:
-        """Columns (n_joints, 10) of the inertial parameters, links in tree order; -1: none."""
-        places = np.full((len(self.robot.order), 10), -1, dtype=np.int64)
-        for column, parameter in enumerate(self.layout.parameters):
-            if parameter.kind in INERTIAL:
-                places[parameter.joint, REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]] = column
-        return places[self.robot.order]
+        """Columns (n_joints, 10) of the inertial parameters, links in tree order."""
+        columns = self.layout.of_bodies[self.robot.order]
+        return np.ascontiguousarray(columns[:, np.argsort(REGRESSOR_ORDER)])
 
-    def _drives(self, matrix: FloatArray, dq: FloatArray, ddq: FloatArray) -> None:
-        sign = np.sign(dq)
+    def _drives(
+        self, matrix: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None
+    ) -> None:
+        """Fill in the columns of drives, friction and offsets."""
+
+        def sign(speed: FloatArray, joint: int) -> FloatArray:
+            return np.asarray(np.sign(speed) if smooth is None else np.tanh(speed / smooth[joint]))
+
         pairs = {pair[1]: pair[0] for pair in self.layout.coupling_joints}
         for column, parameter in enumerate(self.layout.parameters):
             joint, kind = parameter.joint, parameter.kind
@@ -203,13 +199,12 @@ class StandardRegressor:
             elif kind == "Fv":
                 matrix[:, joint, column] = dq[:, joint]
             elif kind == "Fc":
-                matrix[:, joint, column] = sign[:, joint]
+                matrix[:, joint, column] = sign(dq[:, joint], joint)
             elif kind == "off":
                 matrix[:, joint, column] = 1.0
             elif kind == "Fvm":
                 matrix[:, pairs[joint], column] = dq[:, joint]
                 matrix[:, joint, column] = dq[:, pairs[joint]]
             elif kind == "Fcm":
-                coupled = np.sign(dq[:, pairs[joint]] + dq[:, joint])
-                matrix[:, pairs[joint], column] = coupled
-                matrix[:, joint, column] = coupled
+                coupled = sign(dq[:, pairs[joint]] + dq[:, joint], joint)
+                matrix[:, pairs[joint], column] = matrix[:, joint, column] = coupled

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import UsageError, first_of
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.types import FloatArray
 
@@ -143,9 +143,7 @@ def base_link(
 
 
 def _some(names: list[str]) -> str:
-    """List the first names for a message, with an ellipsis where there are more."""
-    more = ", …" if len(names) > _MOST_PROBLEMS else ""
-    return ", ".join(quoted(name) for name in names[:_MOST_PROBLEMS]) + more
+    return first_of([quoted(name) for name in names], _MOST_PROBLEMS)
 
 
 def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -170,6 +168,7 @@ def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[s
 
 
 def _judge_inertial(inertial: Inertial, far: float) -> tuple[list[str], list[str]]:
+    """What no body has, and what is strange for a robot of the size `far`, m."""
     mass = inertial.mass
     if mass < 0.0:
         return [f"mass {mass:g} kg is negative"], []

@@ -156,11 +156,7 @@ class Coordinates:
         loads: Sequence[tuple[int, FloatArray]] = (),
     ) -> "Coordinates":
         """Take links (p,), and loads by the place of their joint, XX … M (10,), as references."""
-        layout, joints = base.layout, len(robot.joints)
-        names = {name: k for k, name in enumerate(layout.names)}
-        of_joints = [
-            np.array([names[f"{kind}{joint + 1}"] for kind in INERTIAL]) for joint in range(joints)
-        ]
+        of_joints = base.layout.of_bodies
         masses = robot.given.inertial[:, 0]
         mass = float(np.mean(masses[masses > 0.0])) if np.any(masses > 0.0) else 1.0
         distances = [
@@ -171,9 +167,8 @@ class Coordinates:
         bodies = [standard[place] for place in of_joints] + [body for _, body in loads]
         places = (*of_joints, *(of_joints[joint] for joint, _ in loads))
         links = tuple(ReferenceLink.of(body, mass, length) for body in bodies)
-        inertial = set(np.concatenate(of_joints).tolist())
-        drives = np.array([k for k in range(len(names)) if k not in inertial], dtype=np.int64)
-        matrix = np.zeros((len(names), 10 * len(links) + len(drives)))
+        drives = np.setdiff1d(np.arange(len(standard)), of_joints)
+        matrix = np.zeros((len(standard), 10 * len(links) + len(drives)))
         for number, (place, link) in enumerate(zip(places, links, strict=True)):
             matrix[place, 10 * number : 10 * number + 10] = link.to_parameters
         matrix[drives, 10 * len(links) + np.arange(len(drives))] = 1.0

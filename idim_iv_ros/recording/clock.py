@@ -7,6 +7,7 @@ import numpy as np
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.bags.joint_messages import JointMessages
 from idim_iv_ros.recording.recording import ClockQuality, Note
+from idim_iv_ros.recording.sampling import sampling_times
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 GAP = 2.5  # sampling intervals without a message
@@ -100,7 +101,17 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
         repeated=repeated,
         backward=backward,
     )
-    return StampedMessages(messages, ordered, quality, tuple(notes))
+    sampled = ordered
+    if "position" in messages.values:
+        sampled, share = sampling_times(ordered, messages.values["position"])
+    if sampled is not ordered:
+        moved = 1e-6 * float(np.std(sampled - ordered))
+        what = (
+            f"stamps jitter, and the motion shows {100.0 * share:.0f} % of it: samples were taken "
+            f"more regularly, and their times are corrected by {moved:.2g} ms (rms)"
+        )
+        notes.append(Note(topic, what, 1))
+    return StampedMessages(messages, sampled, quality, tuple(notes))
 
 
 def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:

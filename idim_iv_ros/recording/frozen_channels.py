@@ -148,8 +148,11 @@ def _moves_during(position: FloatArray, first: IntArray, last: IntArray, speed: 
 
 
 def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:
-    """Return whether each chosen run is much longer than the other runs around it, (k,) bool."""
-    ends = np.cumsum(lengths)
+    """Return whether each chosen run is much longer than the other runs around it, (k,) bool.
+
+    `lengths`, `moved` (n,): of all runs; others count as far as the joint moves during them.
+    """
+    ends = np.cumsum(lengths)  # sample behind each run
     others = np.where(moved, lengths, 0)
     others[chosen] = 0
     alone = np.empty(len(chosen), dtype=bool)

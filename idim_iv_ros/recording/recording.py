@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import UsageError, first_of
 from idim_iv_ros.types import BoolArray, FloatArray
 
 
@@ -254,22 +254,22 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
 def _sentences(
     parts: Sequence[SessionPart], overlapping: Sequence[str], shortened: Sequence[str]
 ) -> tuple[str, ...]:
+    """Say how stamps became the time of a session; nothing of a single recording."""
     if len(parts) < 2:
         return ()
-    listed = [f"{part.bag} from {_seconds_text(part.start)} s" for part in parts[:_LISTED]]
-    more = f" and {len(parts) - _LISTED} more" if len(parts) > _LISTED else ""
+    begins = [f"{part.bag} from {_seconds_text(part.start)} s" for part in parts]
     sentences = [
         "recordings follow one another in the order of their first stamps; time of the session: "
-        f"{', '.join(listed)}{more}"
+        f"{first_of(begins, _LISTED)}"
     ]
     if overlapping:
         sentences.append(
-            f"stamps of {', '.join(overlapping[:_LISTED])} begin before those of another recording "
+            f"stamps of {first_of(overlapping, _LISTED)} begin before those of another recording "
             "end: placed after it without a pause, so that what changes during the session is "
             "known in this order only"
         )
     if shortened:
         sentences.append(
-            f"a pause counts as {LONGEST_PAUSE:.0f} s at most: {', '.join(shortened[:_LISTED])}"
+            f"a pause counts as {LONGEST_PAUSE:.0f} s at most: {first_of(shortened, _LISTED)}"
         )
     return tuple(sentences)

@@ -34,7 +34,7 @@ def in_root(name: str) -> str:
     return name if name.startswith("/") else f"/{name}"
 
 
-_WORDS = ("reference", "ref", "command", "commands", "cmd", "desired", "target", "setpoint", "goal")
+_WORDS = ("reference", "ref", "command", "cmd", "desired", "target", "setpoint", "goal")
 _QUANTITIES = {
     "joint_states": ("position", "velocity"),
     "effort": ("effort",),
@@ -249,5 +249,5 @@ def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> st
 
 
 def sounds_like_reference(topic: str) -> bool:
-    """Return whether a topic's name has a word for references: ``/arm/joint_command``."""
-    return any(word in _WORDS for word in re.split(r"[^a-z]+", topic.lower()))
+    """Return whether a topic's name has a word for references: ``/arm/joint_commands``."""
+    return any(word.removesuffix("s") in _WORDS for word in re.split(r"[^a-z]+", topic.lower()))

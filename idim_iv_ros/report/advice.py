@@ -16,6 +16,7 @@ from idim_iv_ros.diagnosis.result.recordings import (
 from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
+from idim_iv_ros.errors import first_of
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
@@ -31,6 +32,7 @@ from idim_iv_ros.report.gap_words import (
 from idim_iv_ros.report.numerals import (
     INTERVAL,
     THIN,
+    is_interval,
     is_number,
     number,
     percent,
@@ -76,7 +78,7 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
-    judged = [gap for gap in result.joint_gaps if gap.joint not in result.left_out]
+    judged = [gap for gap in result.where.joints if gap.joint not in result.left_out]
     worst = max(judged, key=lambda gap: gap.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
@@ -150,7 +152,7 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
         return f"Its {size}." if size else ""
     last = result.stages[-1] if result.stages else None
     interval = None if last is None else last.torque_ci95.get(worst.joint)
-    if last is None or interval is None or not all(map(is_number, interval)):
+    if last is None or not is_interval(interval):
         return ""
     unit = torque_unit(result, worst.joint)
     level = f"{number(last.torque_rms[worst.joint])} {unit}"
@@ -177,7 +179,7 @@ def _corrected_share(result: GapResult, gap: JointGap) -> str:
     if len(result.stages) < 2:
         return ""
     first, last = (result.stages[k].torque_rms.get(gap.joint) for k in (0, -1))
-    if first is None or last is None or not (is_number(first) and is_number(last)):
+    if not (is_number(first) and is_number(last)):
         return ""
     shrinkage = Gap.between(first, last, gap.noise_floor).shrinkage
     if shrinkage is None or shrinkage <= 0.0:
@@ -199,11 +201,12 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
         for residual in result.residuals
         if verdict_badge(residual.verdict)[0] == "bad"
     ]
+    where = first_of(wrong, 3) or "several joints together"
     level = percent(100.0 * result.instruments.alpha)
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
-        "bad": f"Do not rely on all parameters: the model is misspecified at {_joint_list(wrong)} "
+        "bad": f"Do not rely on all parameters: the model is misspecified at {where} "
         f"(tested at {level}).",
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
@@ -214,9 +217,7 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     sizes = [
         parameter.relative_std_percent
         for parameter in result.parameters
-        if parameter.essential
-        and parameter.relative_std_percent is not None
-        and is_number(parameter.relative_std_percent)
+        if parameter.essential and is_number(parameter.relative_std_percent)
     ]
     precision: tuple[str, ...] = ()
     if sizes and colour != "bad":
@@ -230,13 +231,6 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
 def _has_reference(result: IdentificationResult) -> bool:
     signals = result.configuration.get("signals")
     return isinstance(signals, Mapping) and signals.get("reference") is not None
-
-
-def _joint_list(joints: Sequence[str], most: int = 3) -> str:
-    if not joints:
-        return "several joints together"
-    more = f" and {len(joints) - most} more" if len(joints) > most else ""
-    return ", ".join(joints[:most]) + more
 
 
 def identification_steps(report: Report[IdentificationResult]) -> list[Step]:

@@ -1,10 +1,11 @@
 """The page of a fleet: what needs attention, what the robots of a type share, what changed."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from idim_iv_ros.errors import first_of
 from idim_iv_ros.fleet.result import FleetResult, FleetRobot, TypeQuantity
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
@@ -42,6 +43,7 @@ _NOTHING = {
 }
 _MOST_BAGS = 3  # of a robot in a command
 _MOST_CHANGES = 60  # drawn; the others are in the table
+_MOST_NAMES = 6  # of robots in a sentence
 
 
 def fleet_html(
@@ -84,7 +86,7 @@ def _subtitle(result: FleetResult) -> str:
 
 
 def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) -> dict[str, Any]:
-    differs = sum(any(q.differs for q in robot.quantities) for robot in result.robots)
+    differs = sum(robot.differs for robot in result.robots)
     changed = sum(bool(robot.changes) for robot in result.robots)
     unsteady = sum(any(q.unsteady for q in robot.quantities) for robot in result.robots)
     unused = sum(not bag.used for bag in result.bags)
@@ -112,7 +114,7 @@ def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) ->
 
 def _badge(result: FleetResult) -> tuple[str, str, str]:
     """Return the badge of the headline; it is good only if everything could be judged."""
-    if any(q.differs for robot in result.robots for q in robot.quantities):
+    if any(robot.differs for robot in result.robots):
         return "bad", "▲", "a robot differs"
     if any(robot.changes for robot in result.robots):
         return "bad", "↗", "a robot changed"
@@ -183,7 +185,7 @@ def _short(path: Path) -> str:
 
 def headline(result: FleetResult) -> str:
     """Return one sentence on the fleet: robots that differ or changed."""
-    differs = [robot.robot for robot in result.robots if any(q.differs for q in robot.quantities)]
+    differs = [robot.robot for robot in result.robots if robot.differs]
     changed = [robot.robot for robot in result.robots if robot.changes]
     counted = [robot for robot in result.robots if robot.quantities]
     if not counted:
@@ -191,9 +193,11 @@ def headline(result: FleetResult) -> str:
     parts = []
     if differs:
         verb = "differs" if len(differs) == 1 else "differ"
-        parts.append(f"{plural(len(differs), 'robot')} {verb} from the type ({_names(differs)})")
+        names = first_of(differs, _MOST_NAMES)
+        parts.append(f"{plural(len(differs), 'robot')} {verb} from the type ({names})")
     if changed:
-        parts.append(f"{plural(len(changed), 'robot')} changed over time ({_names(changed)})")
+        names = first_of(changed, _MOST_NAMES)
+        parts.append(f"{plural(len(changed), 'robot')} changed over time ({names})")
     if not parts:
         return _NOTHING[_testable(result)]
     return f"{'; '.join(parts)}."
@@ -278,8 +282,3 @@ def _changes(result: FleetResult) -> dict[str, Any]:
             Mark("band", SHADE, "95 % interval of the date at which it began"),
         ],
     }
-
-
-def _names(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:6])
-    return shown if len(names) <= 6 else f"{shown} and {len(names) - 6} more"

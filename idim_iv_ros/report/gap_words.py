@@ -15,6 +15,7 @@ from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import SessionPart, in_recordings
 from idim_iv_ros.report.numerals import (
     MISSING,
+    is_interval,
     is_number,
     number,
     percent,
@@ -31,7 +32,7 @@ VERDICTS = {
     "parametric": ("fair", "≈", "parametric: parameter errors of the nominal model"),
     "structural": ("bad", "≠", "structural: effects that the model lacks"),
     "both": ("bad", "≠", "parametric and structural"),
-    "unknown": ("open", "?", "unknown: something is there, and no cause is certain"),
+    "unknown": ("open", "?", "unknown: something is there that no certain cause explains"),
 }
 AXES = {
     "speed": "Speed",
@@ -180,7 +181,7 @@ def worth_seeing(result: Result, most: int = 2) -> set[str]:
         sizes = {residual.joint: residual.relative_percent or 0.0 for residual in result.residuals}
         named: list[str] = []
     else:
-        sizes = {joint_gap.joint: joint_gap.share for joint_gap in result.joint_gaps}
+        sizes = {joint_gap.joint: joint_gap.share for joint_gap in result.where.joints}
         places = [cause.joint for cause in result.causes if cause.kind == "structural"]
         if result.unexplained is not None:
             places.append(result.unexplained.joint)
@@ -201,9 +202,9 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
     """
     gap, unit = cause.torque_gap, torque_unit(result, cause.joint)
     share = MISSING
-    if gap.shrinkage is not None and is_number(gap.shrinkage) and gap.shrinkage > 0.0:
+    if is_number(gap.shrinkage) and gap.shrinkage > 0.0:
         share = percent(100.0 * min(gap.shrinkage, 1.0))
-        if gap.ci95 is not None and is_number(gap.ci95[0]) and is_number(gap.ci95[1]):
+        if is_interval(gap.ci95):
             low, high = (round(100.0 * min(max(end, 0.0), 1.0)) for end in gap.ci95)
             share += f" ({low} to {high})"
     rivals = ", ".join(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import TypeGuard
 
 MISSING = "–"
 THIN = "\N{NARROW NO-BREAK SPACE}"
@@ -14,14 +15,19 @@ _DIGITS = 15  # that a float holds
 _TINIEST = 1e-300  # a σ below is none: powers of ten end soon after
 
 
-def is_number(value: float | None) -> bool:
+def is_number(value: float | None) -> TypeGuard[float]:
     """Return whether a value is a finite number."""
     return value is not None and math.isfinite(value)
 
 
+def is_interval(ends: tuple[float | None, float | None] | None) -> TypeGuard[tuple[float, float]]:
+    """Return whether both ends of an interval are finite numbers."""
+    return ends is not None and all(map(is_number, ends))
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number with `digits` significant digits; a dash where there is none."""
-    if value is None or not math.isfinite(value):
+    if not is_number(value):
         return MISSING
     if value == 0.0:
         return "0"
@@ -50,7 +56,7 @@ def fixed(value: float, decimals: int) -> str:
 
 def exact(value: float | None, unit: str) -> str:
     """Return a number that was set, not measured, with up to six digits and its unit."""
-    if value is None or not math.isfinite(value):
+    if not is_number(value):
         return MISSING
     return f"{value:.6g}".replace("-", MINUS) + f"{THIN}{unit}"
 
@@ -70,7 +76,7 @@ def measured(value: float | None, std: float | None) -> tuple[str, str]:
 
     The half-width is 1.96 σ with two significant digits; it is empty where there is no σ.
     """
-    if value is None or not math.isfinite(value):
+    if not is_number(value):
         return MISSING, ""
     half = 0.0 if std is None else INTERVAL * std
     if not _TINIEST < half < math.inf:
@@ -102,7 +108,7 @@ def with_digits_of(value: float | None, std: float | None) -> str:
 
 def percent(value: float | None, digits: int = 2) -> str:
     """Return a share given in percent, with the percent sign."""
-    if value is None or not math.isfinite(value):
+    if not is_number(value):
         return MISSING
     if abs(value) >= 1000.0:
         return f"> 1000{THIN}%" if value > 0 else f"< {MINUS}1000{THIN}%"
@@ -116,7 +122,7 @@ def share(value: float | None, digits: int = 2) -> str:
 
 def p_value(value: float | None) -> str:
     """Return a p-value; “< 0.0001” below that."""
-    if value is None or not math.isfinite(value):
+    if not is_number(value):
         return MISSING
     return "<\N{NO-BREAK SPACE}0.0001" if value < 1e-4 else number(value, 2)
 

@@ -144,9 +144,11 @@ def require_writable(
 
 def _keep_other_report(out: Path, names: Sequence[str]) -> None:
     """Refuse a folder whose report.html is that of another command."""
+    if REPORT not in names or not (out / REPORT).exists():
+        return
     for kind, (name, page, _) in _FILES.items():
-        other = page == REPORT and REPORT in names and name not in names
-        if other and (out / name).exists() and (out / REPORT).exists():
+        # The result beside report.html says which command wrote both.
+        if page == REPORT and name not in names and (out / name).exists():
             raise UsageError(
                 f"{out}: holds {name} and {REPORT} of `idim-iv {kind.written_by}`, and {REPORT} "
                 "would be replaced; give another --out, or --force"

@@ -27,6 +27,11 @@ class Drive(NamedTuple):
     load_friction: float
 
 
+# Columns of an array of drives.
+_COMPLIANCE, _INERTIA, _DAMPING, _FRICTION = 0, 1, 2, 3
+_OFFSET, _DELAY, _LIMIT, _LOAD_FRICTION = 4, 5, 6, 7
+
+
 class Load(NamedTuple):
     """What the rigid bodies ask of joints along a motion, (n_samples, n_joints) each but `mass`."""
 
@@ -38,7 +43,10 @@ class Load(NamedTuple):
 
 @kernel
 def mean_command(command: FloatArray, rate: float, start: float, duration: float) -> float:
-    """Mean of a command, constant between samples, over `duration` s from `start` s."""
+    """Mean of a command, constant between samples, over `duration` s from `start` s.
+
+    The duration is at most that of a sample.
+    """
     last = command.shape[0] - 1
     first = min(max(math.floor(start * rate), 0), last)
     after = min(max(math.floor((start + duration) * rate), 0), last)
@@ -46,6 +54,26 @@ def mean_command(command: FloatArray, rate: float, start: float, duration: float
         return float(command[first])
     share = (start + duration - after / rate) / duration
     return float((1.0 - share) * command[first] + share * command[after])
+
+
+@kernel
+def _rubbed(v: float, free: float, most: float) -> tuple[float, float]:
+    """Speed after a step, and the share of the step after which the joint stopped (1: it did not).
+
+    - `v`, `free`: speed before the step, and what it would be after it without dry friction
+    - `most`: by how much dry friction can change it
+    """
+    if v == 0.0:
+        return 0.0 if abs(free) <= most else free - math.copysign(most, free), 1.0
+    after = free - math.copysign(most, v)
+    if after * v >= 0.0 or most <= 0.0:
+        return after, 1.0
+    # It stops on the way, and sets off again if what pulls is enough.
+    stop = v / (v - after)
+    gained = free - v
+    if abs(gained) <= most:
+        return 0.0, stop
+    return (1.0 - stop) * (gained - math.copysign(most, gained)), stop
 
 
 @entry
@@ -87,42 +115,33 @@ def simulate_joints(
             break
         for i in range(steps):
             w = (i + 0.5) / steps
+            # What pulls each joint in the middle of the step, and its dry friction.
             for j in range(joints):
-                compliance = drives[j, 0]
                 asked = (1.0 - w) * torque[k, j] + w * torque[k + 1, j]
                 bend = (1.0 - w) * slope[k, j] + w * slope[k + 1, j]
                 there = (1.0 - w) * along[k, j] + w * along[k + 1, j]
-                start = k / rate + i * step - drives[j, 5]
+                start = k / rate + i * step - drives[j, _DELAY]
                 middle = q[j] + 0.5 * step * v[j]
                 error = gain * (mean_command(command[:, j], rate, start, step) - middle)
-                limit = drives[j, 6]
-                pull[j] = min(max(error, -limit), limit) - drives[j, 4] - drives[j, 2] * v[j]
-                carried = compliance * (asked + bend * (middle - there))
+                limit = drives[j, _LIMIT]
+                pull[j] = min(max(error, -limit), limit) - drives[j, _OFFSET]
+                pull[j] -= drives[j, _DAMPING] * v[j]
+                carried = drives[j, _COMPLIANCE] * (asked + bend * (middle - there))
                 pull[j] -= carried
-                dry[j] = drives[j, 3] + drives[j, 7] * abs(carried)
+                dry[j] = drives[j, _FRICTION] + drives[j, _LOAD_FRICTION] * abs(carried)
+            # By how much their speeds change, each for the present changes of the others.
             for _ in range(_SWEEPS if joints > 1 else 1):
                 for j in range(joints):
-                    compliance = drives[j, 0]
+                    compliance, damping = drives[j, _COMPLIANCE], drives[j, _DAMPING]
                     others = 0.0
                     for other in range(joints):
                         if other != j:
                             others += mass[k, j, other] * change[other]
-                    inertia = compliance * mass[k, j, j] + drives[j, 1] + 0.5 * step * drives[j, 2]
+                    inertia = compliance * mass[k, j, j] + drives[j, _INERTIA]
+                    inertia += 0.5 * step * damping
                     inertia += 0.25 * step**2 * gain
                     free = v[j] + (step * pull[j] - compliance * others) / inertia
-                    most = step * dry[j] / inertia
-                    stop[j] = 1.0
-                    if v[j] == 0.0:
-                        after = 0.0 if abs(free) <= most else free - math.copysign(most, free)
-                    else:
-                        after = free - math.copysign(most, v[j])
-                        if after * v[j] < 0.0 and most > 0.0:
-                            # It stops on the way, and sets off again if what pulls is enough.
-                            stop[j] = v[j] / (v[j] - after)
-                            gained = free - v[j]
-                            after = 0.0
-                            if abs(gained) > most:
-                                after = (1.0 - stop[j]) * (gained - math.copysign(most, gained))
+                    after, stop[j] = _rubbed(v[j], free, step * dry[j] / inertia)
                     change[j] = after - v[j]
             for j in range(joints):
                 after = v[j] + change[j]

@@ -31,7 +31,7 @@ WITH_LINKS = "inertia of drive and links / stiffness"
 
 
 def interval_width(answer: DriveEstimate) -> float:
-    """Half of a 95 % interval, in standard deviations, for the blocks of a fit."""
+    """Half of a 95 % interval, in standard deviations that blocks of time gave (Student's t)."""
     return float(scipy.stats.t.ppf(0.5 + 0.5 * _LEVEL, max(answer.blocks - 1, 1)))
 
 

@@ -47,7 +47,7 @@ class JointContributions:
     @property
     def curves(self) -> list[tuple[int, DriveCurve]]:
         """Changes of commands in the order in which they act, each after its joint."""
-        return sorted(self.of(DriveCurve), key=lambda item: item[1].rank)
+        return sorted(self.of(DriveCurve), key=lambda item: item[1].law.rank)
 
     @property
     def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
@@ -207,6 +207,7 @@ def _grown(base: Plant, added: JointContributions, place: IntArray, links: int) 
     terms = [term for _, _, term in added.couplings]
 
     def contacts(values: NDArray[Any], of_links: Any, of_couplings: Any) -> NDArray[Any]:
+        """Values by contact: of the joints, then new ones of links, then all of couplings."""
         parts = (values[:n], of_links, values[n:], of_couplings)
         return np.concatenate([np.asarray(part, dtype=values.dtype) for part in parts])
 

@@ -196,7 +196,7 @@ def sampled_loop(
         plant_step=float(plant_step),
         speed_factor=0.0 if law.speed_factor is None else float(law.speed_factor),
     )
-    _change(loop, added, speed)
+    _change_law(loop, added, speed)
     return Loop._make(
         np.ascontiguousarray(part[..., robot.order], dtype=float)
         if isinstance(part, np.ndarray)
@@ -205,8 +205,8 @@ def sampled_loop(
     )
 
 
-def _change(loop: Loop, added: JointContributions, speed: FloatArray) -> None:
-    """Put the robot's law in the place of that of the configuration, and delay its command."""
+def _change_law(loop: Loop, added: JointContributions, speed: FloatArray) -> None:
+    """Write the changes that effects make of the configured law into `loop`, joint by joint."""
     for j, delay in added.of(CommandDelay):
         loop.delay[j] += delay.seconds
     for j, change in added.of(LawChange):

@@ -184,7 +184,7 @@ def fit_controller(
     rows = np.repeat(inside[:, None], joints, axis=1)
     if torque_limit is not None:
         rows &= np.abs(torque) < 0.99 * np.asarray(torque_limit)
-    delay = _delay(stack[:, :, : len(LAW)], target, rows)
+    delay = _delay(stack, target, rows)
     stack = np.roll(stack, delay, axis=0)
     fits = [_fit_joint(stack[rows[:, j], j], target[rows[:, j], j]) for j in range(joints)]
     gains, std, included, r_squared = (np.array(values) for values in zip(*fits, strict=True))
@@ -201,7 +201,10 @@ def _reference_derivatives(signals: JointSignals) -> tuple[FloatArray, FloatArra
 
 
 def _delay(stack: FloatArray, target: FloatArray, rows: NDArray[np.bool_]) -> int:
-    """Delay with the least sum of residual energies, relative to those of the torques."""
+    """Delay with the least sum of residual energies, relative to those of the torques.
+
+    Every term takes part: what a law without the integral leaves would hide any delay.
+    """
     energies = []
     for delay in range(LONGEST_DELAY + 1):
         shifted, total = np.roll(stack, delay, axis=0), 0.0

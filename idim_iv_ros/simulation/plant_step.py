@@ -176,7 +176,7 @@ def _stop(plant: Plant, resting: NDArray[np.bool_], dq: FloatArray) -> None:
             dq[b] = 0.0
         elif resting[b]:
             dq[a] = 0.0
-        else:
+        else:  # both joints move: the nearest speeds that do not slip
             sign = plant.direction[c]
             dq[b] = 0.5 * (dq[b] - sign * dq[a])
             dq[a] = -sign * dq[b]

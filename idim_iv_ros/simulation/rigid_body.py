@@ -21,7 +21,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.model import link_motion
-from idim_iv_ros.model.link_motion import move_links, place_links
+from idim_iv_ros.model.link_motion import move_links, place_links, turn
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation import dry_friction
@@ -47,42 +47,52 @@ def newton_euler(
         a0, a1, a2 = motion.acceleration[i, 0], motion.acceleration[i, 1], motion.acceleration[i, 2]
         w0, w1, w2 = motion.spin[i, 0], motion.spin[i, 1], motion.spin[i, 2]
         d0, d1, d2 = motion.spin_rate[i, 0], motion.spin_rate[i, 1], motion.spin_rate[i, 2]
-        m, x, y, z = (
-            plant.inertial[i, 0],
-            plant.inertial[i, 1],
-            plant.inertial[i, 2],
-            plant.inertial[i, 3],
-        )
-        xx, xy, yy = plant.inertial[i, 4], plant.inertial[i, 5], plant.inertial[i, 6]
-        xz, yz, zz = plant.inertial[i, 7], plant.inertial[i, 8], plant.inertial[i, 9]
+        link = plant.inertial[i]
+        m, x, y, z = link[0], link[1], link[2], link[3]
         f[0] = m * a0 + g[0, 0] * x + g[0, 1] * y + g[0, 2] * z
         f[1] = m * a1 + g[1, 0] * x + g[1, 1] * y + g[1, 2] * z
         f[2] = m * a2 + g[2, 0] * x + g[2, 1] * y + g[2, 2] * z
-        h0 = xx * w0 + xy * w1 + xz * w2
-        h1 = xy * w0 + yy * w1 + yz * w2
-        h2 = xz * w0 + yz * w1 + zz * w2
-        f[3] = xx * d0 + xy * d1 + xz * d2 + w1 * h2 - w2 * h1 + y * a2 - z * a1
-        f[4] = xy * d0 + yy * d1 + yz * d2 + w2 * h0 - w0 * h2 + z * a0 - x * a2
-        f[5] = xz * d0 + yz * d1 + zz * d2 + w0 * h1 - w1 * h0 + x * a1 - y * a0
+        h0, h1, h2 = _spun(link, w0, w1, w2)
+        e0, e1, e2 = _spun(link, d0, d1, d2)
+        f[3] = e0 + w1 * h2 - w2 * h1 + y * a2 - z * a1
+        f[4] = e1 + w2 * h0 - w0 * h2 + z * a0 - x * a2
+        f[5] = e2 + w0 * h1 - w1 * h0 + x * a1 - y * a0
     for i in range(n, 0, -1):
         f, u = work.wrench[i], plant.frames.parent[i]
         torque[i - 1] = f[5] if plant.frames.revolute[i] else f[2]
         if u > 0:
-            _carry(work.motion.rotation[i], work.motion.translation[i], f, work.wrench[u])
+            rot, p = work.motion.rotation[i], work.motion.translation[i]
+            carried = _carried(rot, p, f[0], f[1], f[2], f[3], f[4], f[5])
+            for k in range(6):
+                work.wrench[u, k] += carried[k]
 
 
 @kernel
-def _carry(rot: FloatArray, p: FloatArray, f: FloatArray, total: FloatArray) -> None:
-    """Add the wrench f of a link to that of its parent, in the parent's frame."""
-    f0 = rot[0, 0] * f[0] + rot[0, 1] * f[1] + rot[0, 2] * f[2]
-    f1 = rot[1, 0] * f[0] + rot[1, 1] * f[1] + rot[1, 2] * f[2]
-    f2 = rot[2, 0] * f[0] + rot[2, 1] * f[1] + rot[2, 2] * f[2]
-    total[0] += f0
-    total[1] += f1
-    total[2] += f2
-    total[3] += rot[0, 0] * f[3] + rot[0, 1] * f[4] + rot[0, 2] * f[5] + p[1] * f2 - p[2] * f1
-    total[4] += rot[1, 0] * f[3] + rot[1, 1] * f[4] + rot[1, 2] * f[5] + p[2] * f0 - p[0] * f2
-    total[5] += rot[2, 0] * f[3] + rot[2, 1] * f[4] + rot[2, 2] * f[5] + p[0] * f1 - p[1] * f0
+def _spun(link: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Product of the moments of inertia (XX, XY, YY, XZ, YZ, ZZ) of a link and a vector."""
+    return (
+        link[4] * x + link[5] * y + link[7] * z,
+        link[5] * x + link[6] * y + link[8] * z,
+        link[7] * x + link[8] * y + link[9] * z,
+    )
+
+
+@kernel
+def _carried(
+    rot: FloatArray,
+    p: FloatArray,
+    f0: float,
+    f1: float,
+    f2: float,
+    t0: float,
+    t1: float,
+    t2: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Force f and torque t of a link in the frame of its parent."""
+    e0, e1, e2 = turn(rot, f0, f1, f2)
+    s0, s1, s2 = turn(rot, t0, t1, t2)
+    s0, s1, s2 = s0 + p[1] * e2 - p[2] * e1, s1 + p[2] * e0 - p[0] * e2, s2 + p[0] * e1 - p[1] * e0
+    return e0, e1, e2, s0, s1, s2
 
 
 @kernel
@@ -106,13 +116,7 @@ def composite_rigid_body(plant: Plant, work: Workspace, mass: FloatArray) -> Non
         j = i
         while plant.frames.parent[j] > 0:
             rot, p = work.motion.rotation[j], work.motion.translation[j]
-            e0 = rot[0, 0] * f0 + rot[0, 1] * f1 + rot[0, 2] * f2
-            e1 = rot[1, 0] * f0 + rot[1, 1] * f1 + rot[1, 2] * f2
-            e2 = rot[2, 0] * f0 + rot[2, 1] * f1 + rot[2, 2] * f2
-            s0 = rot[0, 0] * t0 + rot[0, 1] * t1 + rot[0, 2] * t2 + p[1] * e2 - p[2] * e1
-            s1 = rot[1, 0] * t0 + rot[1, 1] * t1 + rot[1, 2] * t2 + p[2] * e0 - p[0] * e2
-            s2 = rot[2, 0] * t0 + rot[2, 1] * t1 + rot[2, 2] * t2 + p[0] * e1 - p[1] * e0
-            f0, f1, f2, t0, t1, t2 = e0, e1, e2, s0, s1, s2
+            f0, f1, f2, t0, t1, t2 = _carried(rot, p, f0, f1, f2, t0, t1, t2)
             j = plant.frames.parent[j]
             entry = t2 if plant.frames.revolute[j] else f2
             mass[i - 1, j - 1] = entry
@@ -125,25 +129,16 @@ def composite_rigid_body(plant: Plant, work: Workspace, mass: FloatArray) -> Non
 def _join(rot: FloatArray, p: FloatArray, link: FloatArray, total: FloatArray) -> None:
     """Add the inertial parameters of a link to those of its parent, in the parent's frame."""
     m = link[0]
-    h0 = rot[0, 0] * link[1] + rot[0, 1] * link[2] + rot[0, 2] * link[3]
-    h1 = rot[1, 0] * link[1] + rot[1, 1] * link[2] + rot[1, 2] * link[3]
-    h2 = rot[2, 0] * link[1] + rot[2, 1] * link[2] + rot[2, 2] * link[3]
+    h0, h1, h2 = turn(rot, link[1], link[2], link[3])
     p0, p1, p2 = p[0], p[1], p[2]
     total[0] += m
     total[1] += h0 + m * p0
     total[2] += h1 + m * p1
     total[3] += h2 + m * p2
-    xx, xy, yy, xz, yz, zz = link[4], link[5], link[6], link[7], link[8], link[9]
-    a0 = rot[0, 0] * xx + rot[0, 1] * xy + rot[0, 2] * xz
-    a1 = rot[0, 0] * xy + rot[0, 1] * yy + rot[0, 2] * yz
-    a2 = rot[0, 0] * xz + rot[0, 1] * yz + rot[0, 2] * zz
-    b0 = rot[1, 0] * xx + rot[1, 1] * xy + rot[1, 2] * xz
-    b1 = rot[1, 0] * xy + rot[1, 1] * yy + rot[1, 2] * yz
-    b2 = rot[1, 0] * xz + rot[1, 1] * yz + rot[1, 2] * zz
-    c0 = rot[2, 0] * xx + rot[2, 1] * xy + rot[2, 2] * xz
-    c1 = rot[2, 0] * xy + rot[2, 1] * yy + rot[2, 2] * yz
-    c2 = rot[2, 0] * xz + rot[2, 1] * yz + rot[2, 2] * zz
-    s0, s1, s2 = m * p0 * p0 + 2.0 * p0 * h0, m * p1 * p1 + 2.0 * p1 * h1, 0.0
+    a0, a1, a2 = _spun(link, rot[0, 0], rot[0, 1], rot[0, 2])
+    b0, b1, b2 = _spun(link, rot[1, 0], rot[1, 1], rot[1, 2])
+    c0, c1, c2 = _spun(link, rot[2, 0], rot[2, 1], rot[2, 2])
+    s0, s1 = m * p0 * p0 + 2.0 * p0 * h0, m * p1 * p1 + 2.0 * p1 * h1
     s2 = m * p2 * p2 + 2.0 * p2 * h2
     total[4] += a0 * rot[0, 0] + a1 * rot[0, 1] + a2 * rot[0, 2] + s1 + s2
     total[5] += a0 * rot[1, 0] + a1 * rot[1, 1] + a2 * rot[1, 2] - m * p0 * p1 - p0 * h1 - p1 * h0

@@ -135,7 +135,7 @@ def link_positions(
     position = np.asarray(position, dtype=float)
     still = np.zeros((1, len(position)))
     link = position.copy()
-    for _ in range(30):
+    for _ in range(30):  # the load bends the shafts, which moves the links and so the load
         load = inverse_dynamics(robot, links, link[None], still, still)[0]
         for joint, shaft in shafts.items():
             bent = load[joint] / shaft.stiffness + 0.5 * shaft.gap * np.sign(load[joint])

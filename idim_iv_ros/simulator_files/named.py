@@ -137,6 +137,8 @@ def corrected_model(
             present = {name: number.value for name, number in cause.parameters.items()}
             turn = np.array([present.get(name, 0.0) for name in names])
             gravity = np.asarray(pin.exp3(turn) @ gravity)
+            if "gravity_x" in present:  # all of it, where the nominal model's is far from it
+                gravity = np.array([present[f"gravity_{axis}"] for axis in "xyz"])
         elif cause.kind == "parametric":
             changes = _changes(cause, robot.joints)
             mass = changes.get(f"M{_number(cause, robot.joints)}")

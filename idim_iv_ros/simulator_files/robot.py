@@ -16,17 +16,17 @@ import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.diagnosis.result.document import GapResult
-from idim_iv_ros.effects.registry import STRUCTURAL, name_of, part_of
+from idim_iv_ros.effects.registry import STRUCTURAL, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import RobotModel
-from idim_iv_ros.model.mjcf import joint_motion
 from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
-from idim_iv_ros.model.urdf import MOVABLE, Urdf
+from idim_iv_ros.model.urdf import Urdf
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.simulation import SimulatedEffect, control_law
 from idim_iv_ros.simulator_files.named import CorrectedModel, Load, is_possible
+from idim_iv_ros.simulators.effects_file import constant_torques
 from idim_iv_ros.types import FloatArray
 
 
@@ -187,7 +187,7 @@ class ExportedRobot:
     @cached_property
     def links(self) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
         """Return the inertials of changed links, and notes on them."""
-        return link_bodies(self.urdf, self.bodies, str(self.source))
+        return link_bodies(self.urdf, self.robot, self.bodies, str(self.source))
 
     @cached_property
     def mounted(self) -> dict[str, tuple[str, Load]]:
@@ -245,12 +245,7 @@ class ExportedRobot:
     @property
     def effects(self) -> tuple[SimulatedEffect, ...]:
         """Return all effects, negative friction and constant torques included."""
-        offsets = zip(self.robot.joints, self.drives.offset, strict=True)
-        constant = tuple(
-            SimulatedEffect(name_of("offset"), name, {"offset": float(offset)})
-            for name, offset in offsets
-            if offset
-        )
+        constant = constant_torques(self.robot.joints, dict(enumerate(self.drives.offset)))
         return (*self.structural, *self.negative_friction, *constant)
 
     @cached_property
@@ -292,7 +287,7 @@ class _Part:
 
 
 def link_bodies(
-    urdf: Urdf, joints: Mapping[str, FloatArray], source: str
+    urdf: Urdf, robot: RobotModel, joints: Mapping[str, FloatArray], source: str
 ) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
     """Return the inertials of changed links, and notes on them.
 
@@ -300,7 +295,7 @@ def link_bodies(
 
     Raises UsageError: a link for which no physical body is left.
     """
-    carried = _carried_links(urdf, set(joints))
+    carried = _carried_links(urdf, robot)
     changed, notes = {}, []
     for joint, target in joints.items():
         main = urdf.joints[joint].child
@@ -333,23 +328,16 @@ def link_bodies(
     return changed, tuple(notes)
 
 
-def _carried_links(urdf: Urdf, identified: set[str]) -> dict[str, list[_Part]]:
+def _carried_links(urdf: Urdf, robot: RobotModel) -> dict[str, list[_Part]]:
     """Return the links with mass that each identified joint carries, in its frame."""
-    places: dict[str, tuple[str, pin.SE3]] = {}
-    carried: dict[str, list[_Part]] = {joint: [] for joint in identified}
-    for link, joint in urdf.outward():
-        carrier, place = ("", pin.SE3.Identity()) if joint is None else places[joint.parent]
-        if joint is not None:
-            place = place * joint.placement
-            if joint.name in identified:
-                carrier, place = joint.name, pin.SE3.Identity()
-            elif joint.rest != 0.0 and joint.type in MOVABLE:
-                place = place * joint_motion(joint.type, joint.axis, joint.rest)
-        places[link] = carrier, place
-        inertial = urdf.links[link]
-        if carrier and inertial is not None and inertial.mass > 0.0:
+    carried: dict[str, list[_Part]] = {joint: [] for joint in robot.joints}
+    for frame in robot.pinocchio.frames:
+        inertial = urdf.links[frame.name] if frame.type == pin.FrameType.BODY else None
+        if inertial is not None and inertial.mass > 0.0 and frame.parentJoint > 0:
+            joint = robot.joints[robot.order[frame.parentJoint - 1]]
             body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
-            carried[carrier].append(_Part(link, place, parameters_of(place.act(body))))
+            place = frame.placement
+            carried[joint].append(_Part(frame.name, place, parameters_of(place.act(body))))
     return carried
 
 

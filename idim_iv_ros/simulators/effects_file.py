@@ -1,6 +1,6 @@
 """Effects of a simulated robot beyond its configuration: of a diagnosis, or written by hand."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Final, Literal
@@ -8,6 +8,7 @@ from typing import ClassVar, Final, Literal
 from idim_iv_ros.diagnosis.result.causes import Cause
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.documents import Document, Unsaved
+from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
@@ -50,6 +51,17 @@ def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
     """Return a cause of a diagnosis as a simulated effect; `source` names it in messages."""
     numbers = {name: parameter.value for name, parameter in cause.parameters.items()}
     return SimulatedEffect(cause.effect, cause.joint, numbers, cause.other_joint, source)
+
+
+def constant_torques(
+    joints: Sequence[str], values: Mapping[int, float]
+) -> tuple[SimulatedEffect, ...]:
+    """Return constant torques, N m (N) by number of the joint, as effects; none of zero."""
+    return tuple(
+        SimulatedEffect(name_of("offset"), joints[joint], {"offset": float(value)})
+        for joint, value in values.items()
+        if value != 0.0
+    )
 
 
 def read_effects(path: Path) -> EffectsFile:

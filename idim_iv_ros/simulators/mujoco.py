@@ -280,6 +280,7 @@ def _entry(digest: str) -> Callable[..., Any]:
         _ = digest
         n, contact = dq.shape[0], (plant.first, plant.second, plant.direction)
         position, speed = effects.link_q, effects.link_speed
+        # States along the way that MuJoCo has just gone, and then all in the middle of this step.
         for i in range(n):
             speed[i] = moved[i] / step
         advance_states(effects.rows, speed, effects.rest, step)
@@ -290,14 +291,15 @@ def _entry(digest: str) -> Callable[..., Any]:
         for c in range(mode.shape[0]):
             mode[c] = np.sign(slip(*contact, c, speed))
         effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
-        for c in range(n, mode.shape[0]):  # off the diagonal is that of couplings alone
+        # Damping of couplings goes to their tendons; off the diagonal is no other.
+        for c in range(n, mode.shape[0]):
             first, second = plant.first[c], plant.second[c]
             friction[1, c] = plant.direction[c] * plant.damping[first, second]
             plant.damping[first, first] -= friction[1, c]
             plant.damping[second, second] -= friction[1, c]
             plant.damping[first, second] = 0.0  # another one of the same joints has it no more
+        # Stiffness half a step ahead, where MuJoCo's implicit damping puts the velocity.
         for i in range(n):
-            # Half a step ahead, where MuJoCo's implicit damping puts the velocity.
             stiff = 0.5 * step * effects.stiffness[i, i]
             friction[1, i] = plant.damping[i, i] + stiff
             effects.force[i] -= stiff * dq[i]

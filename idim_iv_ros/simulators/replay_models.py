@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.effects.registry import BY_NAME, name_of
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath, read_text
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
@@ -14,6 +14,7 @@ from idim_iv_ros.model.mjcf import is_mjcf
 from idim_iv_ros.model.mjcf_ties import native_elements
 from idim_iv_ros.model.mujoco_package import mujoco_reads
 from idim_iv_ros.simulation import SimulatedEffect
+from idim_iv_ros.simulators.effects_file import constant_torques
 from idim_iv_ros.simulators.mujoco import STIFFEST
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP
 from idim_iv_ros.simulators.mujoco_parts import (
@@ -79,7 +80,7 @@ def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = No
     robot = model.robot
     parameters = robot.given if values is None else nearest_parameters(model, values)
     plant_spec(mujoco, robot, parameters)  # refuses what cannot be simulated
-    effects = _offsets(robot, dict(enumerate(parameters.offset)))
+    effects = constant_torques(robot.joints, dict(enumerate(parameters.offset)))
     if values is None:
         return StageModel(NOMINAL, "the nominal model", robot, parameters, None, effects)
     words = "the nominal model with found parameters"
@@ -113,7 +114,9 @@ def xml_stage(
         raise UsageError(
             f"off{wrong[0] + 1} is a parameter of a joint that the robot does not have"
         )
-    return StageModel(CORRECTED, path.name, robot, None, path, _offsets(robot, constants))
+    return StageModel(
+        CORRECTED, path.name, robot, None, path, constant_torques(robot.joints, constants)
+    )
 
 
 def require_same_native(
@@ -144,15 +147,6 @@ def require_same_native(
             raise UsageError(
                 f"{path}: has {what} as an element already, and {source} would add it again: {hint}"
             )
-
-
-def _offsets(robot: RobotModel, values: Mapping[int, float]) -> tuple[SimulatedEffect, ...]:
-    """Return constant torques by joint, N m (N), as effects."""
-    return tuple(
-        SimulatedEffect(name_of("offset"), robot.joints[joint], {"offset": float(value)})
-        for joint, value in values.items()
-        if value != 0.0
-    )
 
 
 def _read_mjcf(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:

@@ -10,50 +10,40 @@ Estimate = tuple[float, float]  # value and standard deviation
 
 @dataclass(frozen=True)
 class Drift:
-    """A parameter of the last identification, compared with its first estimate.
+    """A parameter in two independent estimates.
 
-    - `statistic`: see `in_deviations`: standard normal if the parameter has not changed
-    - `limit`: what its magnitude exceeds by chance with the probability that was asked for, shared
-      among all parameters (Bonferroni)
+    - `limit`: what the magnitude of `statistic` exceeds by chance with the probability that was
+      asked for, shared among all parameters (Bonferroni)
     """
 
-    parameter: str
-    value: float
-    first: float
-    statistic: float
+    name: str
+    before: float
+    before_std: float
+    now: float
+    now_std: float
     limit: float
-    since: tuple[str, ...]
+
+    @property
+    def statistic(self) -> float:
+        """See `in_deviations`: standard normal if the parameter has not changed."""
+        return in_deviations(self.before, self.before_std, self.now, self.now_std)
 
     @property
     def drifts(self) -> bool:
-        """Whether the last estimate differs from the first by more than chance allows."""
+        """Whether the estimates differ by more than chance allows."""
         return abs(self.statistic) > self.limit
 
 
 def drifts_of(
-    first: Mapping[str, Estimate],
-    last: Mapping[str, Estimate],
-    significance: float,
-    since: tuple[str, ...],
-) -> list[Drift]:
+    first: Mapping[str, Estimate], last: Mapping[str, Estimate], significance: float
+) -> tuple[Drift, ...]:
     """Compare two independent estimates of the same parameters.
 
     - `first`, `last`: value and standard deviation by name, the same names in both
     - `significance`: probability that any of the parameters is flagged although none has changed
     """
-    limit = largest_by_chance(significance, len(last))
-    return [
-        Drift(name, value, first[name][0], in_deviations(*first[name], value, std), limit, since)
-        for name, (value, std) in last.items()
-    ]
-
-
-def largest_by_chance(significance: float, count: int) -> float:
-    """Magnitude that any of `count` standard normal numbers exceeds with that probability.
-
-    Shared among all of them (Bonferroni).
-    """
-    return -NormalDist().inv_cdf(significance / (2.0 * count))
+    limit = -NormalDist().inv_cdf(significance / (2.0 * max(len(last), 1)))
+    return tuple(Drift(name, *first[name], *now, limit) for name, now in last.items())
 
 
 def in_deviations(first: float, first_std: float, last: float, last_std: float) -> float:

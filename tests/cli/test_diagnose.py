@@ -63,7 +63,6 @@ def test_an_effect_that_does_not_exist_is_refused_with_the_names(diagnose, tmp_p
     with pytest.raises(UsageError, match=r"strybeck.*payload.*stribeck") as refusal:
         diagnose(stand_in, without=["strybeck"])
     assert refusal.value.exit_status == 2
-    assert "\n" not in str(refusal.value)
     assert stand_in.calls == []
     assert not (tmp_path / "why").exists()
 

@@ -9,15 +9,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from bags.simulated_arms import SimulatedArm, arm2
+from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.against.changes import agreement, changes_between
 from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
 from idim_iv_ros.diagnosis.against.sets import two_sets
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, change_rows
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result.recordings import ContrastResult, RecordingAgreement
-from idim_iv_ros.effects.registry import STRUCTURAL
+from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import SimulatedEffect, record_simulated_robot
@@ -294,6 +294,21 @@ def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:
         mass = cause.parameters["mass"]
         assert cause.effect == "payload" and mass.std is not None
         assert abs(mass.value - 0.5) < 3.0 * mass.std
+
+
+def test_a_mount_that_leans_in_all_recordings_is_no_difference_between_them() -> None:
+    """No base parameters make up for it: it must be one change of all, not one of each."""
+    arm = arm6(seconds=SECONDS)
+    data = baseline([recorded(arm, seed) for seed in (1, 2, 3)], arm.configuration)
+    space = Catalogue(data).space
+    joints = [
+        replace(rows, torque=rows.torque + unit @ (0.05 * space.tilt(1)))
+        for rows, unit in zip(data.rows, change_rows(data, space), strict=True)
+    ]
+    regression = replace(data.regression, joints=tuple(joints))
+    names = {effect.name for effect in PARAMETRIC} - {"gravity_direction"}
+    agreements = agreement(Catalogue(replace(data, regression=regression), names))
+    assert all(recording.agrees for recording in agreements)
 
 
 def test_one_recording_is_held_against_nothing(data: Baseline) -> None:

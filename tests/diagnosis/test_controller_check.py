@@ -86,6 +86,16 @@ def test_commands_stamped_too_early_are_no_other_law(arm, late, names) -> None:
     assert [finding.joint for finding in causes] == names
 
 
+@pytest.mark.parametrize("beyond", [2.0, 1e6])
+def test_references_of_something_else_are_no_other_law(arm: SimulatedArm, data, beyond) -> None:
+    """A step that the robot did not follow; and commands that are always at their limit."""
+    signals = data.prepared.motions[0].signals
+    reference = signals.position_reference.copy()
+    reference[:, 0] += beyond * (np.arange(len(reference)) > 0.4 * len(reference) * (beyond < 1e3))
+    law = check_law(with_signals(data, position_reference=reference))
+    assert "joint_1" not in {finding.joint for finding in law.causes}
+
+
 def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
     """They push the robot, and the errors that the law answers follow each of them."""
     rng = np.random.default_rng(4)

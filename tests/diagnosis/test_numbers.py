@@ -92,6 +92,16 @@ def test_gravity_that_is_configured_as_zero_is_found_with_its_size() -> None:
     assert gravity.acceleration[2] == pytest.approx(-9.81, rel=0.25)  # with the given masses
 
 
+def test_gravity_of_an_arm_on_its_side_is_found_where_the_configuration_has_it_upright() -> None:
+    """So far from the truth that a small rotation is none; the given masses are 10 % off."""
+    arm = arm6(seconds=8.0)
+    upright = changed(arm.configuration, "robot", gravity=[9.81, 0.0, 0.0])
+    data = baseline([recorded(arm, 1)], upright)
+    gravity = missing_gravity(data)
+    assert gravity is not None
+    assert gravity.acceleration == pytest.approx([0.0, 0.0, -9.81], abs=2.0)
+
+
 def test_friction_level_with_its_size(data: Baseline) -> None:
     regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
     (cause,) = causes_of(data, regression)

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.smooth_motion import corrected_motions, high_passed
 from idim_iv_ros.diagnosis.tracking import (
     simulated_tracking,
-    simulation_gap,
+    simulation_gaps,
     tracked_stages,
     tracking_series,
 )
@@ -76,7 +76,8 @@ def test_what_another_loop_does_to_the_motion_is_taken_over_without_its_noise(no
         for order, values in enumerate(real)
     ]
     decimation = ParallelDecimation(10, len(states[0]), 0.8)
-    (corrected,) = corrected_motions([measured], [states[:3]], [decimation], [RATE], CUTOFF)
+    motion: Any = SimpleNamespace(decimation=decimation, signals=SimpleNamespace(rate=RATE))
+    (corrected,) = corrected_motions([motion], [measured], [states[:3]], CUTOFF)
     assert difference(real, states[:3]) > 0.2
     assert difference(real, corrected) < 0.01
     assert difference(real, corrected) <= max(0.2 * difference(real, measured), 1e-3)
@@ -214,7 +215,9 @@ def test_the_refit_tracks_better_than_the_given_model(base: Baseline) -> None:
     after = simulated_tracking(base, base.estimate.linear.values)
     assert before.rms is not None
     assert after.rms is not None
-    gap = simulation_gap(before, after, 0)
+    effect = SimpleNamespace(term=SimpleNamespace(place=Place(0)))
+    explanation: Any = SimpleNamespace(fits=(None, None), effects=(effect,))
+    (gap,) = simulation_gaps(explanation, [before, after])
     assert gap is not None
     assert gap.before == pytest.approx(before.rms["joint_1"])
     assert gap.shrinkage is not None

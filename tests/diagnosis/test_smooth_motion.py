@@ -10,7 +10,7 @@ import pytest
 from bags.simulated_arms import SimulatedArm, record
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.processing import widened
+from idim_iv_ros.diagnosis.refit.processing import proposals, widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.diagnosis.sentences import reversals
 from idim_iv_ros.recording.recording import Recording
@@ -70,6 +70,18 @@ def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(da
     assert np.all(np.abs(data.motions[0].slip) <= 1.0 + 1e-12)
 
 
+def test_a_refit_that_is_no_robot_leaves_the_given_one_to_say_when_joints_turn(data) -> None:
+    """A spring that the refit lacks makes the inertia of a light drive negative."""
+    estimate, names = data.estimate, data.prepared.model.base.names
+    values = estimate.linear.values.copy()
+    values[names.index("Ia2")] = -1.0
+    impossible = replace(estimate, linear=replace(estimate.linear, values=values))
+    (slip,) = simulated_slips(data.prepared, impossible)
+    (right,) = simulated_slips(data.prepared, estimate)
+    assert slip is not None
+    assert np.mean(np.abs(slip - right) > 0.1) < 0.02
+
+
 def test_load_is_that_of_the_links_without_drives_and_friction(data: Baseline) -> None:
     """The drive of joint 2 has a parameter of its own; that of joint 1 is grouped with YY1."""
     motion = data.motions[0]
@@ -107,6 +119,23 @@ def test_band_ends_where_noise_of_the_encoders_reaches_eight_times_that_of_the_t
         assert wide.decimation_cutoff == pytest.approx(expected, rel=0.15)
     configured = changed(arm.configuration, "processing", decimation_cutoff=7.0)
     assert widened([recorded(arm, 1)], configured) is configured
+
+
+def test_noise_of_the_measured_motion_stays_below_the_torque_s_where_no_loop_is_simulated(
+    arm: SimulatedArm,
+) -> None:
+    """In the columns it passes for a delay, which averages it."""
+    model = arm.robot.pinocchio
+    links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
+    inertia = np.max(links, axis=0) + arm.truth.drive_inertia
+    for noise in (1e-4, 4e-4, 1.6e-3):
+        recording = replace(
+            recorded(arm, 1, position_noise=noise), position_reference=None, velocity_reference=None
+        )
+        (section,) = proposals([[recording]], arm.configuration)
+        limit = np.sqrt(np.sqrt(5.0) * np.array([0.45, 0.175]) / (inertia * noise))
+        cutoff = section.processing.decimation_cutoff
+        assert cutoff is not None and cutoff < 1.1 * float(limit.min()) / (2 * np.pi)
 
 
 def beside_reversals(data: Baseline) -> int:

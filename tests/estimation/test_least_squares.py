@@ -1,5 +1,7 @@
 """Linear estimators on made-up regressions with a known answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import statsmodels.api as sm
@@ -263,3 +265,12 @@ def test_columns_that_normal_equations_cannot_tell_apart_are_solved() -> None:
     assert np.linalg.cond(columns.T @ columns) > 1e13
     solution = independent_basis(columns).solve(columns @ truth, 3)
     np.testing.assert_allclose(solution, truth, rtol=1e-7)
+
+
+def test_joined_rows_keep_their_runs_apart() -> None:
+    first, second = rows(samples=60)[0], rows(samples=40, seed=1)[0]
+    one = replace(first, segments=(slice(0, 25), slice(25, 60)))
+    both = one.joined([replace(second, segments=(slice(0, 40),), left_out=True)])
+    assert both.segments == (slice(0, 25), slice(25, 60), slice(60, 100))
+    assert (len(both), both.left_out) == (100, True)
+    np.testing.assert_array_equal(both.torque, np.append(first.torque, second.torque))

@@ -149,7 +149,6 @@ def test_rates_that_no_decimation_brings_together_are_refused_with_both(arm, sec
         DataError, match=r"fast\.mcap with 1000 Hz, odd\.mcap with 400 Hz"
     ) as refusal:
         identify_recordings([first, odd], wide)
-    assert "\n" not in str(refusal.value)
     assert "processing.decimation_cutoff" in str(refusal.value)
 
 

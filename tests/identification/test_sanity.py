@@ -111,6 +111,7 @@ def of_gravity() -> FloatArray:
     [
         pytest.param(lambda: -recording().effort[:, JOINT], id="opposite"),
         pytest.param(lambda: np.abs(recording().effort[:, JOINT]), id="unsigned"),
+        pytest.param(lambda: 1e3 * recording().effort[:, JOINT], id="mN m"),
         pytest.param(of_friction, id="friction compensation"),
         pytest.param(of_gravity, id="gravity compensation"),
     ],
@@ -119,6 +120,14 @@ def test_effort_that_is_no_torque_is_said_of_its_joint(effort, tmp_path: Path) -
     report = checked(tmp_path, with_effort(effort()))
     assert where(report, "unusable") == ["joint_2"]
     assert not report.usable
+
+
+@pytest.mark.parametrize("light", [r"[^\"]+", r"2\.[^\"]+"], ids=["all links", "the last link"])
+def test_links_that_are_given_far_too_light_have_torques(light: str, tmp_path: Path) -> None:
+    """Placeholders, and a load that the file does not have."""
+    configuration = with_urdf(tmp_path, rf'mass value="{light}"', 'mass value="0.01"')
+    report = checked(tmp_path, recording(), configuration=configuration)
+    assert where(report, "unusable") == []
 
 
 def test_friction_with_the_wrong_sign_tells_where_no_mass_does(tmp_path: Path) -> None:

@@ -232,9 +232,8 @@ def test_a_joint_state_within_a_message_is_read_by_name(tmp_path: Path) -> None:
 )
 def test_a_field_that_is_not_there_is_refused_with_those_that_are(tmp_path, source, sentence):
     bag = lbr(on_controller(on_states(ControlBag()))).write(tmp_path / "bag")
-    with pytest.raises((DataError, UsageError), match=sentence) as caught:
+    with pytest.raises((DataError, UsageError), match=sentence):
         read(bag, reference=source)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_field_of_a_relative_topic_is_found_in_the_namespace_of_the_robot(tmp_path) -> None:

@@ -137,7 +137,7 @@ def test_the_page_draws_the_robot_with_the_share_of_each_joint() -> None:
     page = Page(gap_report_html(result))
     text = page.text.replace(THIN, " ")
     circles = [attributes for name, attributes in page.elements if name == "circle"]
-    shares = {gap.joint: gap.share for gap in result.joint_gaps}
+    shares = {gap.joint: gap.share for gap in result.where.joints}
     assert len({circle["fill"] for circle in circles}) == len(set(shares.values()))
     for joint, share in shares.items():
         assert f"{joint}: {percent(100.0 * share)}".replace(THIN, " ") in text
@@ -158,7 +158,7 @@ def test_a_cause_elsewhere_is_not_blamed_for_the_widest_gap() -> None:
     result = _arm6("structural")
     cause = replace(result.causes[0], joint="joint_1", other_joint=None, joint_gaps=())
     joints = tuple(
-        replace(gap, share=0.9 if gap.joint == "joint_5" else 0.02) for gap in result.joint_gaps
+        replace(gap, share=0.9 if gap.joint == "joint_5" else 0.02) for gap in result.where.joints
     )
     where = replace(result.where, joints=joints)
     error = ParameterError("joint_5", 1.0, 1.0, 0.1, 0.99, 0.3)

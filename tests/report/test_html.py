@@ -92,7 +92,11 @@ def test_every_result_becomes_a_well_formed_page_that_loads_nothing(joints: int,
     assert not any("url(" in style or "@import" in style for style in styles)
     for words in page.words:
         assert not re.search(r"\d\.\d{6,}|\b(nan|inf|None)\b", words)
-    parts = [result.fit, result.processing] if case in CASES else [*result.causes, *result.regimes]
+    parts = (
+        [result.fit, result.processing]
+        if case in CASES
+        else [*result.causes, *result.where.regimes]
+    )
     for field in {name for part in (result, *parts) for name in vars(part) if "_" in name}:
         assert field not in page.text
 

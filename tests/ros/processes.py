@@ -282,8 +282,17 @@ class Observer:
         status = self.statuses[node].get(what, DiagnosticStatus())
         return status.level[0], status.message
 
-    def call(self, name: str, node: str = "") -> Trigger.Response:
-        return self.request(Trigger, f"/{node or self.name}/{name}")
+    def call(self, name: str, node: str = "") -> str:
+        """Have a service of the node do its work; return what it says."""
+        answer = self.request(Trigger, f"/{node or self.name}/{name}")
+        assert answer.success, answer.message
+        return answer.message
+
+    def refused(self, name: str, words: str) -> None:
+        """Call a service that must refuse with these words."""
+        answer = self.request(Trigger, f"/{self.name}/{name}")
+        assert not answer.success
+        assert words in answer.message
 
     def set(self, **values: object):
         """Set parameters of the recorder."""

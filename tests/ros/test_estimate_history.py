@@ -52,7 +52,7 @@ def test_slow_drift_is_found_against_the_first_bag(tmp_path: Path) -> None:
         values[0] += 0.08 * k
         history.add(entry(f"bag{k}", values), length=20)
     (comparison,) = history.comparisons(0.01)
-    assert [drift.parameter for drift in comparison.drifting] == ["p0"]
+    assert [drift.name for drift in comparison.drifting] == ["p0"]
     assert comparison.baseline is not None
     assert comparison.baseline.bags == ("bag0",)
 

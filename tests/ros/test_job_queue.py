@@ -248,9 +248,8 @@ def test_names_that_lead_out_are_refused(bags: Path, outside: Path, name: str, w
     (bags / "pipes").mkdir()
     os.mkfifo(bags / "pipes" / "one.mcap")
     (bags / "loop").symlink_to("loop")
-    with pytest.raises(UsageError, match=words) as refused:
+    with pytest.raises(UsageError, match=words):
         confined_bag(bags, name)
-    assert "\n" not in str(refused.value)
 
 
 def test_folder_beside_with_the_same_beginning_is_outside(bags: Path) -> None:

@@ -91,7 +91,7 @@ def test_one_goal_of_the_demo_identifies_the_true_parameters(demo, observer, tmp
     ]
     observer.until(lambda: moving[-1:] == [False], "rest")
     assert observer.set_on(name, motion_duration=1.0)[0].successful
-    assert observer.call("move", name).success
+    observer.call("move", name)
     # Two topics: the end of the motion may be heard before its references.
     observer.until(lambda: np.ptp(places, axis=0).max() > 0.1, "the references of the motion")
     observer.until(lambda: moving[-2:] == [True, False], "the motion")
@@ -120,7 +120,7 @@ def test_first_move_begins_at_once_where_nothing_was_compiled(
     )
     observer.until(lambda: len(places) > 100, "references")
     begin = time.perf_counter()
-    assert observer.call("move", process.name).success
+    observer.call("move", process.name)
     observer.until(lambda: abs(places[-1] - places[0]) > 1e-3, "the motion")
     assert time.perf_counter() - begin < 2.0
     observer.node.destroy_subscription(heard)

@@ -72,6 +72,14 @@ def test_delay_between_error_and_torque_is_found(arm):
     assert fit_controller(signals_of(recording, late)).delay == 2
 
 
+@pytest.mark.parametrize("delay", [0, 2])
+def test_an_integral_that_carries_the_load_does_not_hide_the_delay(arm, delay):
+    law = dataclasses.replace(arm.law, ki=10.0 * arm.law.kp)
+    recording, _ = fitted(arm, law, position_noise=1e-6)
+    late = np.roll(recording.truth.torque, delay, axis=0)
+    assert fit_controller(signals_of(recording, late)).delay == delay
+
+
 def test_fitted_law_simulates_the_motion_that_was_recorded(arm):
     recording, fit = fitted(arm, arm.law, position_noise=1e-5)
     result = simulate_closed_loop(

@@ -251,9 +251,8 @@ def test_a_model_of_another_robot_is_refused(text, words, bag, configuration, tm
     path = tmp_path / "other.xml"
     if text is not None:
         path.write_text(text, encoding="utf-8")
-    with pytest.raises(UsageError, match=words) as refused:
+    with pytest.raises(UsageError, match=words):
         replay_bags(bag, configuration, model=path)
-    assert "\n" not in str(refused.value)
 
 
 def test_without_references_there_is_nothing_to_replay(bag: Path, tmp_path: Path) -> None:
@@ -343,9 +342,8 @@ def test_files_of_two_exports_are_refused(
         (made.effects, made.effects, "is no MJCF"),
         (made.mjcf, made.mjcf, "is XML, not effects"),
     ):
-        with pytest.raises(UsageError, match=words) as refused:
+        with pytest.raises(UsageError, match=words):
             replay_bags(robot_bag, arm.configuration, model=model, effects=effects)
-        assert "\n" not in str(refused.value)
 
 
 def test_constant_torques_of_an_export_are_parameters(

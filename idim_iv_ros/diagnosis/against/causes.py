@@ -69,17 +69,10 @@ def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
         else:
             change = "appeared" if other else "vanished"
             text += f" {WHERE['reference' if one else 'against']}: {said or said_other}"
-        made.append(
-            _cause(
-                sets,
-                place[0],
-                (one, other),
-                joint=joints[0],
-                other_joint=joints[1] if len(joints) > 1 else None,
-                change=change,
-                **_of_terms(sets, changes, terms, text),
-            )
-        )
+        fields: dict[str, Any] = {"numbers": (one, other), "change": change, "joint": joints[0]}
+        if len(joints) > 1:
+            fields["other_joint"] = joints[1]
+        made.append(_of_terms(sets, changes, terms, text, **fields))
     return made
 
 
@@ -99,18 +92,8 @@ def parametric_causes(
             f"{', '.join(bags) + ': ' if several else ''}{spaced(effect)}{place} "
             f"changed, second set less reference: {listed_numbers(effect, parameters)}"
         )
-        said = _of_terms(sets, changes, number.terms, text, number.recordings)
-        made.append(
-            _cause(
-                sets,
-                effect,
-                kind="parametric",
-                joint=name,
-                bags=bags,
-                parameters=parameters,
-                **said,
-            )
-        )
+        more = {"kind": "parametric", "joint": name, "bags": bags, "parameters": parameters}
+        made.append(_of_terms(sets, changes, number.terms, text, number.recordings, **more))
     return made
 
 
@@ -120,8 +103,9 @@ def _of_terms(
     terms: Sequence[Term],
     text: str,
     recordings: frozenset[int] | None = None,
-) -> dict[str, Any]:
-    """What terms of the search say of a cause; `text`: what changed, without its torques."""
+    **fields: Any,
+) -> ContrastCause:
+    """A cause that terms of the search are; `text`: what changed, without its torques."""
     torques = torques_of(sets, terms, recordings)
     listed = ", ".join(
         f"{torque(sets.data, made.rms, made.joint)} at {made.joint} "
@@ -131,12 +115,15 @@ def _of_terms(
     others = rivals_of(sets.data.joints, terms)
     statistic = sum(max(2.0 * term.evidence, 0.0) for term in terms)
     times = min(changes.accepted[term] for term in terms)
-    return {
-        "evidence": Evidence(statistic, chosen_in_folds=times),
-        "indistinguishable_from": others,
-        "torques": torques,
-        "sentence": f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
-    }
+    return _cause(
+        sets,
+        terms[0].key[0],
+        evidence=Evidence(statistic, chosen_in_folds=times),
+        indistinguishable_from=others,
+        torques=torques,
+        sentence=f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
+        **fields,
+    )
 
 
 def _cause(

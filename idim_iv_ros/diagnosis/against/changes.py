@@ -127,9 +127,9 @@ def number_changes(changes: Changes) -> list[NumberChange]:
     """
     model, space = changes.selection.model, changes.selection.comparison.catalogue.space
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
-    for term, start in zip(model.terms, model.starts, strict=False):
+    for term, block in zip(model.terms, model.blocks, strict=True):
         if term.candidate.kind is Kind.NUMBER and term in changes.accepted:
-            places.setdefault(term.key[:2], []).append((term, start))
+            places.setdefault(term.key[:2], []).append((term, block.start))
     made = []
     for (_, joint), parts in places.items():
         groups: dict[tuple[int, ...], list[int]] = {}

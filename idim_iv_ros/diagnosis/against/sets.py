@@ -14,12 +14,11 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.likelihood import rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of, with_offsets
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.recording.recording import Recording, Session, session_of
-from idim_iv_ros.signals import Motion
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _FOLLOWS = 0.5  # of the energy of an effort
@@ -75,7 +74,7 @@ def two_sets(
     The noisier set limits the band, and all rows come at one rate.
     """
     parts = reference, against
-    for section in proposals(parts, with_offsets(configuration)):
+    for section in proposals(parts, configuration):
         whole = prepare([*reference, *against], section)
         sets = [refit_of(_part(whole, part)) for part in parts]
         if all(data.sticking for data in sets):
@@ -115,19 +114,10 @@ def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> Prepare
     session = session_of(recordings)
     numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
     places = [numbers[id(recording)] for recording in session.recordings]
-    factors = [whole.cutoffs.factors[place] for place in places]
-    return _of_session(whole, session, factors, [whole.motions[place] for place in places])
-
-
-def _of_session(
-    prepared: PreparedRegression,
-    session: Session,
-    factors: Sequence[int],
-    motions: Sequence[Motion],
-) -> PreparedRegression:
-    """Return the same with other recordings."""
-    cutoffs = replace(prepared.cutoffs, factors=tuple(factors))
-    return replace(prepared, session=session, cutoffs=cutoffs, motions=tuple(motions))
+    factors = tuple(whole.cutoffs.factors[place] for place in places)
+    motions = tuple(whole.motions[place] for place in places)
+    cutoffs = replace(whole.cutoffs, factors=factors)
+    return replace(whole, session=session, cutoffs=cutoffs, motions=motions)
 
 
 def _together(first: Baseline, second: Baseline, left_out: Collection[int]) -> Baseline:
@@ -138,14 +128,15 @@ def _together(first: Baseline, second: Baseline, left_out: Collection[int]) -> B
     one, other = first.prepared, second.prepared
     recordings = (*one.recordings, *other.recordings)
     session = Session(recordings, (*one.session.parts, *other.session.parts), ())
-    factors = (*one.cutoffs.factors, *other.cutoffs.factors)
+    cutoffs = replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors))
+    motions = (*one.motions, *other.motions)
     rows = zip(first.rows, second.rows, strict=True)
     joints = tuple(
         replace(a.joined([b]), left_out=joint in left_out) for joint, (a, b) in enumerate(rows)
     )
     both = replace(
         first,
-        prepared=_of_session(one, session, factors, (*one.motions, *other.motions)),
+        prepared=replace(one, session=session, cutoffs=cutoffs, motions=motions),
         regression=replace(first.regression, joints=joints),
         sticking=first.sticking and second.sticking,
     )

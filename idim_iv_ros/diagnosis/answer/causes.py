@@ -63,17 +63,13 @@ def structural_causes(
     `simulations`: gap of the simulated motion before and after each effect.
     """
     causes, tested = [], explanation.tested
-    # The refit with the coefficients that effects have beside the errors of the nominal model.
-    coefficients = [effect.term.coefficients for effect in explanation.effects]
-    fit = replace(explanation.fit, coefficients=np.concatenate([np.zeros(0), *coefficients]))
     for number, (judgement, simulation) in enumerate(
         zip(explanation.effects, simulations, strict=True)
     ):
         term, place = judgement.term, judgement.term.place
         gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
         gain, helped, folds = tested.gains[number]
-        start = explanation.block(number).start
-        numbers = parameters_of(data, explanation.regression, fit, term, start)
+        numbers = parameters_of(data, explanation, number)
         cause = Cause(
             effect=term.effect.name,
             kind="structural",
@@ -118,8 +114,12 @@ def parametric_causes(
         gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
     left, before, causes = [*explanation.numbers, *explanation.not_given], first, []
+
+    def without(judgement: JudgedTerm) -> float:
+        return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / ledger.sizes))
+
     while left:
-        judgement = _largest_error(explanation, left, gap)
+        judgement = min(left, key=without)  # takes most of the gap
         left = [other for other in left if other is not judgement]
         gap = judgement.term.taken_from(gap)
         after = _rms(gap)
@@ -135,18 +135,6 @@ def parametric_causes(
         for joint, (name, numbers) in enumerate(errors)
         if joint not in data.left_out
     )
-
-
-def _largest_error(
-    explanation: Explained, left: Sequence[JudgedTerm], gap: list[FloatArray]
-) -> JudgedTerm:
-    """Choose the number that takes most of a gap."""
-    sizes = explanation.selection.comparison.options.ledger.sizes
-
-    def remaining(judgement: JudgedTerm) -> float:
-        return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / sizes))
-
-    return min(left, key=remaining)
 
 
 def _rms(gap: Sequence[FloatArray]) -> FloatArray:

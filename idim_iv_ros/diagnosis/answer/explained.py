@@ -20,7 +20,6 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, re
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
@@ -132,7 +131,12 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         *(d.term for d in doubtful if d.term.is_effect and d.outside),
     )
     more = [term.columns for term in outside if matters(term)]
-    more += [term.columns for term in selection.terms if _beside_base_parameters(term)]
+    space = selection.comparison.catalogue.space
+    more += [
+        term.columns
+        for term in selection.terms
+        if term.candidate.kind is Kind.SIGNAL or term.candidate.is_beside_base_parameters(space)
+    ]
     repeats = repeats_of(data)
     floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
@@ -141,7 +145,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         fits[-1],
         [f"+{e.term.effect.name}[{data.joints[e.term.place.joint]}]" for e in effects],
         repeats,
-        data.prepared.given,
         interleaved=any(effect.term.effect.family == "time" for effect in effects),
     )
     return Explained(
@@ -157,14 +160,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         tested=tested,
         floors=tuple(floors),
     )
-
-
-def _beside_base_parameters(term: Term) -> bool:
-    """Whether a number or signal is one that no base parameter holds."""
-    if term.candidate.kind is Kind.SIGNAL:
-        return True
-    effect = term.candidate.effect
-    return isinstance(effect, ParametricEffect) and not effect.in_base_parameters
 
 
 def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:

@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.effects.effect import OperatingRange, Shape
+from idim_iv_ros.types import FloatArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
 _USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anything is recorded
@@ -26,25 +26,20 @@ _COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
 def parameters_of(
-    data: Baseline, regression: Regression, fit: Fit, term: Term, start: int
+    data: Baseline, explanation: Explained, number: int
 ) -> dict[str, EffectParameter]:
-    """Parameters of one effect among all that were added.
-
-    `regression`, `fit`: with all effects; `term`: the effect; `start`: place of its first column
-    among the added ones.
-    """
-    effect, shape = term.effect, term.shape
+    """Parameters of one of the effects, with the coefficients that it has beside nominal errors."""
+    term, block = explanation.effects[number].term, explanation.block(number)
+    effect, shape, coefficients = term.effect, term.shape, term.coefficients
     assert shape is not None
-    block = np.arange(start, start + term.width)
-    coefficients = fit.coefficients[block]
-    inner = fit.coefficient_covariance[np.ix_(block, block)]
+    inner = explanation.fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     numbers = effect.parameters(shape, coefficients, fixed)
-    near = _near(effect, shape, term.place, data.covered) if effect.free_shape else []
+    near = _near(term, shape, data.covered) if effect.free_shape else []
     if not near:
         return numbers
-    covariance, further = _with_free_shape(data, regression, fit, term, block, near)
-    slopes = _slopes(effect, shape, coefficients, fixed, near)
+    covariance, further = _with_free_shape(data, explanation, term, block, near)
+    slopes = _slopes(term, fixed, [shape, *near])
     variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
     return {
         name: replace(number, std=float(np.sqrt(variance)) if variance > 0.0 else None)
@@ -53,25 +48,25 @@ def parameters_of(
 
 
 def _with_free_shape(
-    data: Baseline, regression: Regression, fit: Fit, term: Term, block: IntArray, near: list[Shape]
+    data: Baseline, explanation: Explained, term: Term, block: slice, near: list[Shape]
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
 
     And by how much the fit would still move each of them, (k + m,).
     """
-    effect, shape, coefficients = term.effect, term.shape, fit.coefficients[block]
+    effect, shape, fit = term.effect, term.shape, explanation.fit
     assert shape is not None
     # Of the torque that the fit leaves to the model, as `knee` has it.
     own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
     here, *moved = rows_of(own_torque, effect, term.place, [shape, *near])
     changes = {
-        joint: np.column_stack([(rows[joint] - here[joint]) @ coefficients for rows in moved])
+        joint: np.column_stack([(rows[joint] - here[joint]) @ term.coefficients for rows in moved])
         for joint in here
     }
-    wider = regression.with_columns(changes).fit(fit.noise_models, steps=0)
-    places = np.concatenate([block, len(wider.coefficients) - len(near) + np.arange(len(near))])
+    wider = explanation.regression.with_columns(changes).fit(fit.noise_models, steps=0)
+    places = np.r_[block, len(fit.coefficients) : len(wider.coefficients)]
     further = wider.coefficients[places]
-    further[: len(block)] -= coefficients
+    further[: term.width] -= term.coefficients
     covariance = wider.coefficient_covariance[np.ix_(places, places)]
     # Directions that the recording leaves open end where sizes and shapes usually do.
     usual = scipy.linalg.block_diag(
@@ -81,10 +76,10 @@ def _with_free_shape(
     return covariance - open_share @ covariance, further - open_share @ further
 
 
-def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -> list[Shape]:
+def _near(term: Term, shape: Shape, covered: OperatingRange) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in effect.neighbours(shape, _SHAPE_STEP, place, covered):
+    for near in term.effect.neighbours(shape, _SHAPE_STEP, term.place, covered):
         pairs = zip(near.numbers, shape.numbers, strict=True)
         moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:
@@ -92,19 +87,18 @@ def _near(effect: Effect, shape: Shape, place: Place, covered: OperatingRange) -
     return list(kept.values())
 
 
-def _slopes(
-    effect: Effect,
-    shape: Shape,
-    coefficients: FloatArray,
-    deviations: FloatArray,
-    near: Sequence[Shape],
-) -> FloatArray:
-    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape."""
+def _slopes(term: Term, deviations: FloatArray, shapes: Sequence[Shape]) -> FloatArray:
+    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape.
+
+    `shapes`: that of the term, and it moved.
+    """
+    coefficients = term.coefficients
 
     def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
-        numbers = effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        numbers = term.effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
         return np.array([number.value for number in numbers.values()])
 
+    shape, *near = shapes
     here = values(shape, coefficients)
     sizes = np.maximum(np.maximum(np.abs(coefficients), deviations), 1e-12)
     slopes = scipy.optimize.approx_fprime(

@@ -77,6 +77,10 @@ class Candidate:
             return False
         return effect.is_not_given(space, place.joint)
 
+    def is_beside_base_parameters(self, space: ParameterSpace) -> bool:
+        """Whether no base parameters make up for this number, such as a tilt of gravity."""
+        return any(change.direction[len(space.given) :].any() for change in self.changes)
+
     @property
     def options(self) -> int:
         """How many shapes there are."""
@@ -154,7 +158,7 @@ class Catalogue:
         made.candidates = (
             *effects,
             *(candidate for candidate in self.candidates if candidate.kind is Kind.SIGNAL),
-            *(n for n in numbers if not getattr(n.effect, "in_base_parameters", True)),
+            *(n for n in numbers if n.is_beside_base_parameters(self.space)),
             *(self._scoped(effect, scope) for scope in scopes for effect in effects),
             *(self._scoped(number, scope) for scope in number_scopes for number in numbers),
         )

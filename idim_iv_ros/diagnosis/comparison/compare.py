@@ -35,11 +35,8 @@ class Comparison:
         self._starts = np.flatnonzero(new)  # of the blocks of every joint, in lines of all rows
         count = nominal.options.ledger.block_count
         self._in_block = np.equal.outer(np.arange(count), numbers[new]).astype(float)
-        self.shares_of_joints = np.zeros(
-            (len(self.options.candidates), len(nominal.options.ledger.joints))
-        )
-        for candidate, shares in zip(self.options.candidates, self.shares_of_joints, strict=True):
-            shares[list(candidate.joints)] = 1.0 / len(candidate.joints)
+        acts = [[joint in c.lines for joint in range(len(blocks))] for c in self.options.candidates]
+        self.shares_of_joints = np.array(acts) / np.sum(acts, axis=1, keepdims=True)
         self._best: dict[frozenset[tuple[object, ...]], Term | None] = {}
 
     def best(self, terms: Sequence[Term]) -> Term | None:

@@ -81,6 +81,8 @@ def _speeds(slowest: float, fastest: float) -> FloatArray:
 class Curve(Nonparametric):
     """Σ of hat functions of a variable, times the direction or not; shape: the knots."""
 
+    fixed = ("values",)
+
     def __init__(self, name: str, family: Family, words: str, variable: str, weight: str) -> None:
         self.name = name  # type: ignore[misc]
         self.family = family  # type: ignore[misc]
@@ -88,12 +90,6 @@ class Curve(Nonparametric):
         self.words = words
         self._variable, self._knots = _VARIABLES[variable]
         self._weight = _WEIGHTS[weight]
-
-    def neighbours(
-        self, shape: Knots, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
-        """Return none: the knots are fixed."""
-        return []
 
     def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
         """One set of knots."""

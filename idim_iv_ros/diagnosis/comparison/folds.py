@@ -72,9 +72,9 @@ def _loss(
     energy = 0.0
     for joint, rows in enumerate(fitted.options.ledger.joints):
         rest = white.gap[joint] - white.model[joint] @ model.errors[rows.columns]
-        for term, start in zip(terms, model.starts, strict=False):
+        for term, block in zip(terms, model.blocks, strict=True):
             if joint in term.columns:
                 table = white.noise[joint].standardized(term.columns[joint], rows.segments)
-                rest = rest - table @ model.coefficients[start : start + term.width]
+                rest = rest - table @ model.coefficients[block]
         energy += 0.5 * float(np.sum(rest[~counted[joint]] ** 2))
     return energy

@@ -8,6 +8,7 @@ in the same way, so that what they change is of their own low rank.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -257,25 +258,22 @@ class ModelWithTerms:
         return [self.nominal.products_of(term) for term in self.terms]
 
     @cached_property
-    def starts(self) -> list[int]:
-        """First coefficient of each term, and the end of the last."""
-        return [0, *np.cumsum([term.width for term in self.terms]).tolist()]
+    def blocks(self) -> list[slice]:
+        """Which coefficients are those of each term."""
+        ends = np.cumsum([0, *(term.width for term in self.terms)]).tolist()
+        return [slice(*block) for block in pairwise(ends)]
 
     @cached_property
     def _solved(self) -> tuple[FloatArray, FloatArray, float]:
         """Root (q, q) of the posterior covariance of the terms, its scores (q,), ln det."""
-        q = self.starts[-1]
-        inner, prior = np.zeros((q, q)), np.zeros((q, q))
-        score = np.zeros(q)
-        for k, (one, start, end) in enumerate(
-            zip(self._products, self.starts, self.starts[1:], strict=False)
-        ):
-            score[start:end] = one.score
-            prior[start:end, start:end] = self.terms[k].prior_root
-            for m in range(k + 1):
-                block = one.between(self._products[m])
-                inner[start:end, self.starts[m] : self.starts[m + 1]] = block
-                inner[self.starts[m] : self.starts[m + 1], start:end] = block.T
+        q = sum(term.width for term in self.terms)
+        inner, prior, score = np.zeros((q, q)), np.zeros((q, q)), np.zeros(q)
+        every = list(zip(self.terms, self._products, self.blocks, strict=True))
+        for k, (term, one, here) in enumerate(every):
+            score[here], prior[here, here] = one.score, term.prior_root
+            for _, other, there in every[: k + 1]:
+                inner[here, there] = one.between(other)
+                inner[there, here] = inner[here, there].T
         values, vectors = np.linalg.eigh(prior.T @ inner @ prior)
         values = np.maximum(values, 0.0)
         root = (prior @ vectors) / np.sqrt(1.0 + values)
@@ -337,10 +335,10 @@ class ModelWithTerms:
         made = {}
         for w in nominal.inner:
             crossed = np.zeros((len(nominal.inner[w]), w, len(taken)))
-            for products, start in zip(self._products, self.starts, strict=False):
+            for products, block in zip(self._products, self.blocks, strict=True):
                 part = products.crossed(nominal)[w]
                 lines = part.reshape(-1, part.shape[2])
-                crossed += (lines @ root[start : start + part.shape[2]]).reshape(crossed.shape)
+                crossed += (lines @ root[block]).reshape(crossed.shape)
             inner = nominal.inner[w] - np.matmul(crossed, crossed.transpose(0, 2, 1))
             made[w] = inner, nominal.score[w] - crossed @ taken
         return made
@@ -396,9 +394,9 @@ class ModelWithTerms:
         made = []
         for joint, rows in enumerate(self.nominal.options.ledger.joints):
             rest = columns.get(joint, 0.0) - rows.matrix @ errors[rows.columns]
-            for term, start in zip(self.terms, self.starts, strict=False):
+            for term, block in zip(self.terms, self.blocks, strict=True):
                 if joint in term.columns:
-                    rest = rest - term.columns[joint] @ taken[start : start + term.width]
+                    rest = rest - term.columns[joint] @ taken[block]
             made.append(rest)
         return made
 

@@ -23,17 +23,14 @@ class Prior:
 
     def __init__(self, options: "Options") -> None:
         names: dict[tuple[str, Scope | None], list[int]] = {}
-        for number, key in enumerate(options.keys):
-            curve = options.is_curve[np.flatnonzero(options.key == number)[0]]
-            name = "a free curve" if curve else key[0]
-            names.setdefault((name, key[3]), []).append(number)
         weight = np.zeros(len(options.keys))
+        for number, key in enumerate(options.keys):
+            first = options.candidates[options.candidate[options.key == number][0]]
+            curve = first.kind is Kind.CURVE
+            weight[number] = settings.PRIOR_OF_CURVE if curve else first.effect.prior_weight
+            names.setdefault(("a free curve" if curve else key[0], key[3]), []).append(number)
         for numbers in names.values():
-            first = options.candidates[options.candidate[options.key == numbers[0]][0]]
-            likely = (
-                settings.PRIOR_OF_CURVE if first.kind is Kind.CURVE else first.effect.prior_weight
-            )
-            weight[numbers] = likely / len(numbers)
+            weight[numbers] /= len(numbers)
         weight *= (1.0 - _NOTHING) / weight.sum()
         shapes = np.bincount(options.key, minlength=len(options.keys))
         self.log = np.log(weight[options.key] / shapes[options.key])
@@ -78,9 +75,9 @@ class Options:
         self.keys = list(dict.fromkeys(keys))
         number = {key: k for k, key in enumerate(self.keys)}
         self.key = np.array([number[keys[int(c)]] for c in self.candidate])
-        self.kinds = np.array([candidates[int(c)].kind.value for c in self.candidate])
-        self.is_curve: BoolArray = self.kinds == Kind.CURVE.value
-        self.is_number: BoolArray = self.kinds == Kind.NUMBER.value
+        kinds = [candidates[int(c)].kind for c in self.candidate]
+        self.is_curve: BoolArray = np.array([kind is Kind.CURVE for kind in kinds])
+        self.is_number: BoolArray = np.array([kind is Kind.NUMBER for kind in kinds])
 
     @cached_property
     def prior(self) -> Prior:

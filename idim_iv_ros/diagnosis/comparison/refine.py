@@ -72,8 +72,7 @@ def _best_of(
         )
         trial = [*terms[:number], other, *terms[number + 1 :]]
         model = ModelWithTerms(comparison.nominal, tuple(trial))
-        start = model.starts[number]
-        values = model.coefficients[start : start + width]
+        values = model.coefficients[model.blocks[number]]
         if catalogue.why_impossible(term.candidate, shape, values, values):
             continue
         if best is None or model.level > best[0]:
@@ -111,8 +110,7 @@ def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     model = ModelWithTerms(comparison.nominal, tuple(terms))
     ledger = comparison.options.ledger
     made = []
-    for term, start in zip(terms, model.starts, strict=False):
-        part = slice(start, start + term.width)
+    for term, part in zip(terms, model.blocks, strict=True):
         values = model.coefficients[part]
         spread = np.sqrt(np.diag(model.covariance)[part] * term.dispersion)
         whole = np.zeros(len(ledger.sizes))

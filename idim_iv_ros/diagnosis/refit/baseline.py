@@ -14,7 +14,7 @@ from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, smooth_motions
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, dynamics_of, smooth_motions
 from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
@@ -23,7 +23,6 @@ from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
-from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import Motion, shifted
@@ -183,7 +182,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
     closed loop could be simulated: see `refit.processing`.
     """
-    for section in proposals([recordings], with_offsets(configuration)):
+    for section in proposals([recordings], configuration):
         refit = refit_of(prepare(recordings, section))
         if refit.sticking:
             break
@@ -214,8 +213,7 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
         tolerance=configuration.identification.tolerance,
         max_iterations=configuration.identification.max_iterations,
     )
-    links, whole = _parameters(prepared, estimate.linear.values)
-    motions, sticking = smooth_motions(prepared, estimate, links, whole)
+    motions, sticking = smooth_motions(prepared, estimate)
     measured = Regression(rows, len(prepared.model.base.columns))
     made = Baseline(prepared, estimate, sources, commands, motions, sticking, measured, shift)
     return made.on(motions)
@@ -238,32 +236,9 @@ def later(
 
 def with_parameters(data: Baseline, values: FloatArray) -> Baseline:
     """Return the same motions with the torques of other base parameters (b,)."""
-    links, whole = _parameters(data.prepared, values)
+    links, whole = dynamics_of(data.prepared, values)
     motions = tuple(replace(motion, links=links, whole=whole) for motion in data.motions)
     return replace(data, motions=motions)
-
-
-def with_offsets(configuration: Configuration) -> Configuration:
-    """Return the configuration with a model that has torque offsets, but those that it excludes."""
-    friction = configuration.identification.friction
-    if "offset" in friction:
-        return configuration
-    return configuration.changed("identification", friction=[*friction, "offset"])
-
-
-def _parameters(
-    prepared: PreparedRegression, values: FloatArray
-) -> tuple[DynamicParameters, DynamicParameters]:
-    """Dynamics of the links alone and of everything.
-
-    Where the drive inertia is grouped into a link's, the given one is taken out of it, if its
-    unit is that of the estimates.
-    """
-    model = prepared.model
-    whole, given = model.dynamic_parameters(values), model.robot.given.drive_inertia
-    grouped = np.array([f"Ia{joint + 1}" not in model.base.names for joint in range(len(given))])
-    in_unit = prepared.configuration.signals.effort_unit == "N m"
-    return replace(whole.of_links, drive_inertia=np.where(grouped & in_unit, -given, 0.0)), whole
 
 
 def nominal_residuals(data: Baseline) -> tuple[FloatArray, ...] | None:

@@ -90,7 +90,6 @@ def held_out(
     fit: Fit,
     labels: Sequence[str],
     repeats: Sequence[Repeat] = (),
-    given: FloatArray | None = None,
     *,
     interleaved: bool = False,
 ) -> HeldOut:
@@ -102,9 +101,9 @@ def held_out(
     shows cannot blow up.
 
     `extended`: with one added block for each effect, in the order in which they were accepted;
-    `labels`: of their stages, such as ``+stribeck[joint_1]``; `given`: (b,) of the nominal model;
-    `interleaved`: whether folds take turns over the whole session: what changes with time cannot be
-    predicted from another part of it.
+    `labels`: of their stages, such as ``+stribeck[joint_1]``; `interleaved`: whether folds take
+    turns over the whole session: what changes with time cannot be predicted from another part of
+    it.
     """
     folds, note = folds_of(data, repeats, interleaved=interleaved)
     blocks = row_blocks(data)
@@ -116,9 +115,10 @@ def held_out(
     stages = [
         [rest * noise.sigma for rest, noise in zip(stage, white, strict=True)] for stage in plain
     ]
+    names, given = ["refit", *labels], data.prepared.given
     if given is not None:
+        names.insert(0, "given")
         stages.insert(0, [rows.residual(given) for rows in extended.joints])
-    names = (*([] if given is None else ["given"]), "refit", *labels)
     sums = tuple(tuple(map(energies, stage, blocks)) for stage in stages)
     return HeldOut(
         stages=tuple(stage_of(*pair, data.joints) for pair in zip(names, sums, strict=True)),

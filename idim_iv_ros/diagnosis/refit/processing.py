@@ -9,11 +9,12 @@ friction, and the decimation filter smears that over the rows around.
 """
 
 from collections.abc import Iterator, Sequence
+from math import ceil
 
 import numpy as np
 from scipy.signal import welch
 
-from idim_iv_ros.configuration import Configuration
+from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.least_squares import solve_least_squares
 from idim_iv_ros.estimation.observation import observation_rows
@@ -33,21 +34,40 @@ def proposals(
 ) -> Iterator[Configuration]:
     """Processing in the order in which it is tried: of a loop that is simulated, and of none.
 
+    With a model that has torque offsets, but those that it excludes.
+
     `sets`: recordings that are refitted apart from one another in one band.
     """
-    options = [widened(part, configuration).processing for part in sets]
+    friction = configuration.identification.friction
+    if "offset" not in friction:
+        configuration = configuration.changed("identification", friction=[*friction, "offset"])
+    if all(recording.position_reference is not None for part in sets for recording in part):
+        narrow = _narrowest(sets, configuration, simulated=True)
+        counting = narrow.model_copy(update={"reversal_margin": narrow.reversal_margin or 0.0})
+        yield configuration.model_copy(update={"processing": counting})
+    narrow = _narrowest(sets, configuration, simulated=False)
+    yield configuration.model_copy(update={"processing": narrow})
+
+
+def _narrowest(
+    sets: Sequence[Sequence[Recording]], configuration: Configuration, *, simulated: bool
+) -> ProcessingSection:
+    """Return the processing of the narrowest band of the sets."""
+    options = [widened(part, configuration, simulated=simulated).processing for part in sets]
     narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
     positions = [option.position_cutoff for option in options if option.position_cutoff is not None]
     if positions and configuration.processing.position_cutoff is None:
         position = max(min(positions), narrow.decimation_cutoff or 0.0)
         narrow = narrow.model_copy(update={"position_cutoff": position})
-    if all(recording.position_reference is not None for part in sets for recording in part):
-        counting = narrow.model_copy(update={"reversal_margin": narrow.reversal_margin or 0.0})
-        yield configuration.model_copy(update={"processing": counting})
-    yield configuration.model_copy(update={"processing": narrow})
+    return narrow
 
 
-def widened(recordings: Sequence[Recording], configuration: Configuration) -> Configuration:
+def widened(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    *,
+    simulated: bool = True,
+) -> Configuration:
     """Propose a decimation cut-off for the diagnosis where the user names none.
 
     What distinguishes effects (ripple, shafts, play, delays) lies higher than what identifies
@@ -55,6 +75,10 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     weighted. White noise of standard deviation σ_q at the positions gives the torque of an inertia
     J the density J² σ_q² (2πf)⁴; the band ends where its power is s² times that of the torque's
     noise, (2πf)² = √5 s σ_τ / (J σ_q): beyond, a coarse encoder's steps pass for a soft shaft.
+    Where no simulated motion is joined, this noise is in the columns of every candidate, and what
+    is late averages it: beyond s = 1 it passes for a delay.
+
+    `simulated`: whether the closed loop is.
     """
     processing = configuration.processing
     if processing.decimation_cutoff is not None:
@@ -63,12 +87,14 @@ def widened(recordings: Sequence[Recording], configuration: Configuration) -> Co
     rate = min(motion.signals.rate for motion in prepared.motions)
     measured = min(rate, *map(_effort_rate, recordings))
     sampled = measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN)
-    cutoff = min(_noise_limit(prepared), settings.WIDEST_BAND, sampled)
+    noise = settings.ACCELERATION_NOISE if simulated else settings.MEASURED_NOISE
+    cutoff = min(_noise_limit(prepared, noise), settings.WIDEST_BAND, sampled)
     cutoff = max(cutoff, prepared.cutoffs.decimation)
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
     if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
-        factor = settings.SAMPLES_PER_ROW * round(factor / settings.SAMPLES_PER_ROW)
+        most = round if simulated else ceil
+        factor = settings.SAMPLES_PER_ROW * most(factor / settings.SAMPLES_PER_ROW)
     cutoff = edge * rate / (2.0 * factor)
     position = processing.position_cutoff
     if position is None:
@@ -84,8 +110,8 @@ def _effort_rate(recording: Recording) -> float:
     return next((clock.rate for clock in recording.clocks if clock.topic == topic), recording.rate)
 
 
-def _noise_limit(prepared: PreparedRegression) -> float:
-    """Hz, the least over the joints."""
+def _noise_limit(prepared: PreparedRegression, noise: float) -> float:
+    """Hz, the least over the joints, at which accelerations add `noise` times the torque's."""
     model, motions = prepared.model, prepared.motions
     rows = observation_rows(model, motions)
     require_excitation(prepared, rows)
@@ -94,7 +120,7 @@ def _noise_limit(prepared: PreparedRegression) -> float:
     inertia = np.abs(joint_inertia(model.robot, parameters, motions[0].position))
     noise_of_inertia = np.maximum(inertia * _noise(motions, "position"), 1e-30)
     ratio = _noise(motions, "torque") / noise_of_inertia
-    return float(np.sqrt(np.sqrt(5.0) * settings.ACCELERATION_NOISE * ratio.min())) / (2.0 * np.pi)
+    return float(np.sqrt(np.sqrt(5.0) * noise * ratio.min())) / (2.0 * np.pi)
 
 
 def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:

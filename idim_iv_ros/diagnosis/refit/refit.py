@@ -28,18 +28,22 @@ from idim_iv_ros.types import FloatArray
 
 _STANDARD_GRAVITY = 9.81  # m/s², that is put in
 _LIKELY_GRAVITY = (4.0, 25.0)  # m/s², with the given masses, or it is something else
+_NEAR = 0.825  # cosine of 0.6 rad, up to which the effect gravity_direction is made
 _LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
 
 
 @dataclass(frozen=True)
 class MissingGravity:
-    """Gravity as the recordings show it, where the configuration has none: (3,) m/s², base frame.
+    """Gravity as the recordings show it, where the configuration has none or one far from it.
+
+    `acceleration`: (3,) m/s², base frame; `configured`: whether there is another one.
 
     With the masses of the nominal model. The statistic is that of Wald, with the noise of the model
     that has gravity: without it a joint's residual is so smooth that its noise model takes it for
     noise, and the likelihood hardly separates them. `weightless`: the nominal model without it.
     """
 
+    configured: bool
     acceleration: FloatArray
     deviation: FloatArray
     statistic: float
@@ -55,6 +59,7 @@ class MissingGravity:
         stages = (self.weightless, with_gravity)
         gaps = [float(np.linalg.norm(list(stage.torque_rms.values()))) for stage in stages]
         shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
+        lacks = "another direction of" if self.configured else "no"
         return Cause(
             effect=name_of("gravity"),
             kind="parametric",
@@ -66,9 +71,9 @@ class MissingGravity:
             evidence=Evidence(self.statistic),
             torque_gap=Gap.between(*gaps),
             sentence=(
-                f"the nominal model has no gravity, but the recordings show it: ({shown}) m/s² "
-                "with the masses of the nominal model. Everything else was diagnosed with gravity "
-                "in this direction"
+                f"the nominal model has {lacks} gravity, but the recordings show it: ({shown}) "
+                "m/s² with the masses of the nominal model. Everything else was diagnosed with "
+                "gravity in this direction"
             ),
         )
 
@@ -183,9 +188,14 @@ def _with_friction(data: Baseline) -> Refit:
 
 
 def missing_gravity(data: Baseline) -> MissingGravity | None:
-    """Look for gravity where the configuration has none; None where it has, or none shows."""
+    """Look for gravity where the configuration has none, or one that is far from it.
+
+    None where the configured direction is near it, as those are that the search corrects to first
+    order, and where none shows.
+    """
     robot = data.prepared.model.robot
-    if robot.gravity.any() or data.prepared.why_no_given:
+    configured = robot.gravity
+    if data.prepared.why_no_given:
         return None
     columns, regression = unit_gravity_rows(data, np.eye(3)), data.regression
     plain = regression.fitted
@@ -200,13 +210,15 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
     )
     if 0.5 * wald - 1.5 * np.log(rows) < settings.LEAST_SUPPORT or share < _LEAST_SHARE:
         return None
-    low, high = _LIKELY_GRAVITY
-    if not low <= float(np.linalg.norm(heavy.coefficients)) <= high:
+    shown, (low, high) = configured + heavy.coefficients, _LIKELY_GRAVITY
+    size = float(np.linalg.norm(shown))
+    near = float(shown @ configured) > size * float(np.linalg.norm(configured)) * _NEAR
+    if not low <= size <= high or (np.any(configured) and near):
         return None
     parts = zip(nominal_residuals(data) or (), row_blocks(data), strict=True)
     weightless = stage_of("given", [energies(*part) for part in parts], data.joints)
     deviation = np.sqrt(np.diag(heavy.coefficient_covariance))
-    return MissingGravity(heavy.coefficients, deviation, wald, weightless)
+    return MissingGravity(bool(np.any(configured)), shown, deviation, wald, weightless)
 
 
 def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatArray]:

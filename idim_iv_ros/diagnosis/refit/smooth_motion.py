@@ -51,10 +51,9 @@ def high_passed(signal: FloatArray, rate: float, cutoff: float) -> FloatArray:
 
 
 def corrected_motions(
+    motions: Sequence[Motion],
     measured: Sequence[States],
     simulated: Sequence[States],
-    decimations: Sequence[ParallelDecimation],
-    rates: Sequence[float],
     cutoff: float,
 ) -> list[list[FloatArray]]:
     """Simulated q, dq, ddq of each recording with what they miss of the measured ones.
@@ -63,12 +62,13 @@ def corrected_motions(
     recordings, of what lies above the frequency where the motions join. All joints k count where
     there are rows enough, else joint j alone.
 
-    `measured`, `simulated`: q, dq, ddq (s, n_joints) of each recording, at their `rates`;
-    `decimations`: to the rows; `cutoff`: of these, Hz.
+    `measured`, `simulated`: q, dq, ddq (s, n_joints) on the span of each of the `motions`;
+    `cutoff`: of their decimation, Hz.
     """
     derived, rows, targets = [], [], []
-    pairs = zip(measured, map(list, simulated), decimations, rates, strict=True)
-    for real, states, decimation, rate in pairs:
+    pairs = zip(motions, measured, map(list, simulated), strict=True)
+    for motion, real, states in pairs:
+        decimation, rate = motion.decimation, motion.signals.rate
         for _ in range(_DERIVATIVES - 1):  # position first, up to its fourth derivative
             states.append(np.gradient(states[-1], 1.0 / rate, axis=0))
         derived.append(states)
@@ -106,20 +106,26 @@ def simulated_slips(
 ) -> tuple[FloatArray | None, ...]:
     """Friction of each recording's span as a share of its level, (n_samples, n_joints), −1 to 1.
 
-    None where the closed loop is not simulated.
+    Simulated with the refit's numbers, or with the given ones where the loop diverges with these: a
+    spring makes inertias negative, and a robot with such ones runs away. When joints turn is hardly
+    another in a loop that follows its reference. None where no closed loop is simulated.
     """
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
         return (None,) * len(prepared.motions)
     robot = source.model.robot
-    parameters = source.model.dynamic_parameters(estimate.linear.values)
-    level = np.maximum(parameters.coulomb, 0.0)
+    numbers = [estimate.linear.values, *([] if prepared.given is None else [prepared.given])]
     slips: list[FloatArray | None] = []
     for motion, law in zip(source.motions, source.laws, strict=True):
-        run = replay(robot, parameters, law, motion)
-        if run.diverged is not None:
+        for values in numbers:
+            parameters = source.model.dynamic_parameters(values)
+            run = replay(robot, parameters, law, motion)
+            if run.diverged is None:
+                break
+        else:
             slips.append(None)
             continue
+        level = np.maximum(parameters.coulomb, 0.0)
         states = run.position, run.velocity, run.acceleration
         slippery = inverse_dynamics(robot, parameters.without_dry_friction, *states)
         share = (run.applied_torque - slippery) / np.where(level > 0.0, level, 1.0)
@@ -202,16 +208,26 @@ class SmoothMotion(RobotMotion):
         return inverse_dynamics(self.robot, parameters, *states)
 
 
-def smooth_motions(
-    prepared: PreparedRegression,
-    estimate: IdimIvEstimate,
-    links: DynamicParameters,
-    whole: DynamicParameters,
-) -> tuple[tuple[SmoothMotion, ...], bool]:
-    """Join measured and simulated motion, one for each recording; whether all are simulated.
+def dynamics_of(
+    prepared: PreparedRegression, values: FloatArray
+) -> tuple[DynamicParameters, DynamicParameters]:
+    """Dynamics of the links alone and of everything.
 
-    `links`, `whole`: of the refit: the rigid bodies alone, and with drives and friction.
+    Where the drive inertia is grouped into a link's, the given one is taken out of it, if its
+    unit is that of the estimates.
     """
+    model = prepared.model
+    whole, given = model.dynamic_parameters(values), model.robot.given.drive_inertia
+    grouped = np.array([f"Ia{joint + 1}" not in model.base.names for joint in range(len(given))])
+    in_unit = prepared.configuration.signals.effort_unit == "N m"
+    return replace(whole.of_links, drive_inertia=np.where(grouped & in_unit, -given, 0.0)), whole
+
+
+def smooth_motions(
+    prepared: PreparedRegression, estimate: IdimIvEstimate
+) -> tuple[tuple[SmoothMotion, ...], bool]:
+    """Join measured and simulated motion, one for each recording; whether all are simulated."""
+    links, whole = dynamics_of(prepared, estimate.linear.values)
     slips, made = simulated_slips(prepared, estimate), []
     joined = _joined(prepared, estimate.instruments, slips)
     parts = zip(prepared.motions, prepared.session.parts, joined, slips, strict=True)
@@ -269,10 +285,9 @@ def _joined(
     if not simulated:
         return made
     corrected = corrected_motions(
+        [motions[k] for k in simulated],
         [made[k] for k in simulated],
         [instruments.states[k](0, motions[k].decimation.samples) for k in simulated],
-        [motions[k].decimation for k in simulated],
-        [motions[k].signals.rate for k in simulated],
         cutoff,
     )
     for k, states in zip(simulated, corrected, strict=True):

@@ -219,16 +219,6 @@ class GapResult(Document):
     twists: Unsaved[tuple[TransmissionSeries, ...]] = field(default=(), compare=False)
 
     @property
-    def joint_gaps(self) -> tuple[JointGap, ...]:
-        """The gap of the nominal model, joint by joint."""
-        return self.where.joints
-
-    @property
-    def regimes(self) -> tuple[Regime, ...]:
-        """Parts of the joints' samples, largest lift first."""
-        return self.where.regimes
-
-    @property
     def own_summary(self) -> str:
         """The summary of the recordings by themselves, without what changed in a second set."""
         if self.contrast is None:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 from idim_iv_ros.fleet.result import BagResult, CauseSummary, CommonCause
 from idim_iv_ros.fleet.statistics.random_effects import LEVEL, between_variance, generalised_q
 
@@ -192,9 +192,8 @@ def _size(cause: CommonCause) -> str:
     """Return the best determined numbers of a cause with their 95 % intervals, in brackets."""
     numbers = _with_std(cause)
     clearest = sorted(numbers, key=lambda n: -_ratio(cause.effect, n, numbers[n]))[:_SHOWN]
-    about = BY_NAME.get(cause.effect)
     said = [
-        f"{about.parameter_words(name) if about else name.replace('_', ' ')} "
+        f"{parameter_words(cause.effect, name)} "
         f"{numbers[name].value:.2g} ± {_INTERVAL * (numbers[name].std or 0.0):.1g} "
         f"{numbers[name].unit}".rstrip()
         for name in clearest

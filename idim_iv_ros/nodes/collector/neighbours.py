@@ -21,7 +21,6 @@ from idim_iv_ros.nodes.settings import ACTION, TOPIC
 
 LOOK = 0.02  # s between two looks at the robot
 
-_SECOND = 1_000_000_000
 _CODES = (
     "INVALID_GOAL",
     "INVALID_JOINTS",
@@ -49,20 +48,18 @@ def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: T
 
 def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
     """Return a JointTrajectory of `point_rate` points a second (Hz), the last sample included."""
-    samples = len(motion.position)
-    kept = list(range(0, samples - 1, max(1, round(motion.rate / point_rate))))
-    points = []
-    for sample in [*kept, samples - 1]:
-        whole, rest = divmod(round(sample / motion.rate * _SECOND), _SECOND)
-        points.append(
+    message = JointTrajectory(joint_names=list(motion.joints))
+    for nanoseconds, (position, velocity, acceleration) in motion.points(point_rate):
+        whole, rest = divmod(nanoseconds, 1_000_000_000)
+        message.points.append(
             JointTrajectoryPoint(
-                positions=motion.position[sample].tolist(),
-                velocities=motion.velocity[sample].tolist(),
-                accelerations=motion.acceleration[sample].tolist(),
+                positions=position,
+                velocities=velocity,
+                accelerations=acceleration,
                 time_from_start=Duration(sec=whole, nanosec=rest),
             )
         )
-    return JointTrajectory(joint_names=list(motion.joints), points=points)
+    return message
 
 
 class Controller:

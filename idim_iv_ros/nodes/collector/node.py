@@ -66,7 +66,7 @@ class Collector(NodeProgram[CollectorSettings]):
         while self._goal is not None and self.node.executor is not None:
             self.node.executor.spin_once(timeout_sec=0.05)
         send_last_answers(self.node)
-        self._actions.destroy()
+        self._actions.destroy()  # type: ignore[no-untyped-call]
         super().close()
 
     def _load_robot(self) -> None:

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from idim_iv_interfaces.msg import DriftComparison, DriftReport, ParameterDrift, PastIdentification
+from idim_iv_interfaces.msg import DriftComparison, DriftReport, PastIdentification
 from idim_iv_ros.documents import Document, Number
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import require_folder_place
@@ -82,7 +82,6 @@ class Comparison:
     def to_message(self) -> DriftComparison:
         """Return the comparison as an entry of the message on `~/drift`."""
         baseline = self.baseline
-        stds = {} if baseline is None else baseline.values
         return message_of(
             DriftComparison,
             self.newest,
@@ -91,18 +90,7 @@ class Comparison:
             baseline_bags=baseline and baseline.bags,
             baseline_stamp=baseline and baseline.stamp,
             limit=self.drifts[0].limit if self.drifts else 0.0,
-            parameters=[
-                message_of(
-                    ParameterDrift,
-                    drift,
-                    name=drift.parameter,
-                    before=drift.first,
-                    before_std=stds[drift.parameter][1],
-                    now=drift.value,
-                    now_std=self.newest.values[drift.parameter][1],
-                )
-                for drift in self.drifts
-            ],
+            parameters=self.drifts,
         )
 
 
@@ -179,7 +167,7 @@ class EstimateHistory:
         baseline = (chosen or comparable)[0]
 
         def drifts(entry: PastEstimates) -> tuple[Drift, ...]:
-            return tuple(drifts_of(baseline.values, entry.values, significance, baseline.bags))
+            return drifts_of(baseline.values, entry.values, significance)
 
         since = None
         for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
@@ -218,7 +206,7 @@ def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticS
         values["bags"] = ", ".join(shown.newest.bags)
         values["limit (σ)"] = f"{shown.drifts[0].limit:.3f}"
         for drift in shown.drifts:
-            values[f"{drift.parameter} (σ)"] = f"{drift.statistic:+.2f}"
+            values[f"{drift.name} (σ)"] = f"{drift.statistic:+.2f}"
     level = DiagnosticStatus.WARN if alarms else DiagnosticStatus.OK
     return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)
 
@@ -231,8 +219,7 @@ def drift_sentence(comparisons: Sequence[Comparison]) -> str:
             newest = comparison.newest
             kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
             changed = "; ".join(
-                f"{drift.parameter} {drift.first:.4g} → {drift.value:.4g} "
-                f"({drift.statistic:+.1f} σ)"
+                f"{drift.name} {drift.before:.4g} → {drift.now:.4g} ({drift.statistic:+.1f} σ)"
                 for drift in comparison.drifting
             )
             which = f"{kind}: " if len(comparisons) > 1 else ""

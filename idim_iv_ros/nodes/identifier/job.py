@@ -156,6 +156,7 @@ def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
 
 
 def _size(file: Path, root: Path, name: str) -> int:
+    """Return the bytes of a file of the bag `name`, which must be a regular one inside `root`."""
     if not _resolve(file, name).is_relative_to(root):
         raise UsageError(f"{name}: its file {file.name} leads out of bag_directory")
     status = file.stat()

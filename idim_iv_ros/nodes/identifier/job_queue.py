@@ -156,6 +156,10 @@ class JobQueue:
         self._wake()
 
     def _handle_event(self, worker: Worker, event: Event) -> None:
+        """Take what a worker tells of the running job: a stage, its answer, or that it has ended.
+
+        What an earlier worker tells late is nothing of this job's.
+        """
         job = self.running
         if worker is not self._worker or job is None:
             return

@@ -180,7 +180,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._jobs.close()
         send_last_answers(self.node)
         for server in self._servers:
-            server.actions.destroy()
+            server.actions.destroy()  # type: ignore[no-untyped-call]
         super().close()
 
     def _read_configuration(self) -> Configuration | None:

@@ -98,7 +98,7 @@ class ResultPublisher:
         self._compare(history)
         newest = self._comparisons[-1]
         if newest.drifting:
-            names = ", ".join(drift.parameter for drift in newest.drifting)
+            names = ", ".join(drift.name for drift in newest.drifting)
             self._node.get_logger().warning(f"changed since {newest.compared_with}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
@@ -213,7 +213,7 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
 
     `bags` are relative to the bag directory, the `folder` of its files to the output directory.
     """
-    joints = [joint_gap.joint for joint_gap in result.joint_gaps]
+    joints = [joint_gap.joint for joint_gap in result.where.joints]
     unexplained = {
         f"unexplained_{name}": getattr(result.unexplained, name, None)
         for name in ("joint", "family", "share", "where")
@@ -224,7 +224,8 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
         _OTHER_NAMES,
         **unexplained,
         header=stamp,
-        joints=result.joint_gaps,
+        joints=result.where.joints,
+        regimes=result.where.regimes,
         stages=[
             message_of(msg.GapStage, stage, **_per_joint(stage, joints)) for stage in result.stages
         ],

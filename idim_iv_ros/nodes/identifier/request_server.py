@@ -72,10 +72,6 @@ class DeferredActionServer(ActionServer):
 
         super().notify_execute(goal, end)  # type: ignore[no-untyped-call]
 
-    def destroy(self) -> None:
-        """Destroy the action server and its goals."""
-        super().destroy()  # type: ignore[no-untyped-call]
-
 
 class RequestServer:
     """Queues a job for every service request and every goal, and answers when the job has ended.

@@ -118,7 +118,10 @@ class ModelSource:
         return True
 
     def _drop_model(self, reason: str, content: tuple[Path, int, str] | None) -> bool:
-        """Drop the model for a `reason`, and return whether there was one."""
+        """Drop the model for a `reason`, and return whether there was one.
+
+        `content`: what was read and is no model, so that it is not read again; None: nothing was.
+        """
         self.reason, self._read = reason, content
         changed, self.identified = self.identified is not None, None
         return changed
@@ -126,12 +129,8 @@ class ModelSource:
     def _describe(self, text: str, source: str) -> None:
         """Build the model of a URDF text; `source` names it in messages."""
         model = build_inverse_model(self._configuration, text, source)
-        carried = {
-            joint.name: link
-            for link, joint in read_urdf_text(text, source).outward()
-            if joint is not None
-        }
-        links = tuple(carried[joint] for joint in self._configuration.robot.joints)
+        joints = read_urdf_text(text, source).joints
+        links = tuple(joints[name].child for name in self._configuration.robot.joints)
         self._described = _Described(text, source, model, links)
 
     def _announce_kept(self) -> None:

@@ -141,7 +141,7 @@ class RecentCounts:
         while len(self._seen) > 1 and now - self._seen[1][0] >= RECENT:
             self._seen.popleft()
         begin, before = self._seen[0]
-        if now - begin < RECENT:
+        if now - begin < RECENT:  # all that was counted is recent
             before = dict.fromkeys(_COUNTED, 0)
         rose = {name: counts[name] - before[name] for name in _COUNTED}
         return TopicStatus(rate=status.rate, longest_gap=status.longest_gap, **rose)

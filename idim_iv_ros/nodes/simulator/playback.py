@@ -170,7 +170,7 @@ class Playback(threading.Thread):
         self.failure = ""
         self._publish, self._clock = publish, clock
         self._next: _Motion | None = None
-        self._switch: int | None = None
+        self._goes_on = False  # whether the next motion is equal to the present one up to now
         self._sample = 0
         self._lock = threading.Lock()
         self._moving = False
@@ -184,7 +184,7 @@ class Playback(threading.Thread):
     def play(self, topics: Sequence[JointTopic]) -> None:
         """Queue a motion that begins at rest, after the present one."""
         with self._lock:
-            self._next, self._switch = _Motion(topics), None
+            self._next, self._goes_on = _Motion(topics), False
 
     def change(self, seconds: float) -> int | None:
         """Return the sample that is due `seconds` from now; None if the robot then rests."""
@@ -201,7 +201,7 @@ class Playback(threading.Thread):
         with self._lock:
             if not self._moving or self._sample >= sample:
                 return False
-            self._next, self._switch = new, sample
+            self._next, self._goes_on = new, True
             return True
 
     def end(self) -> None:
@@ -215,15 +215,18 @@ class Playback(threading.Thread):
         while not self._ended.is_set():
             with self._lock:
                 if self._next is not None:
-                    goes_on = self._switch is not None
                     self._motion, self._next = self._next, None
-                    first, self._moving = self._sample if goes_on else 0, True
+                    first, self._moving = self._sample if self._goes_on else 0, True
                 else:
                     first, self._moving = self._motion.at_rest(REST), False
             begin = max(self._pass(self._motion, first, begin), time.monotonic() - _CATCH_UP)
 
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
-        """Publish a motion from sample `first` on; return the time of the next pass, s."""
+        """Publish a motion from sample `first` on; return the time of the next pass, s.
+
+        It ends early where another motion waits and this one may be left: at rest, or anywhere if
+        the other one goes on from it.
+        """
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
         resting = motion.at_rest(REST)
         for sample in range(first, motion.samples):
@@ -233,11 +236,11 @@ class Playback(threading.Thread):
                 time.sleep(ahead)
             with self._lock:
                 self._sample = sample
-                waits = self._next is not None
-                free = not self._moving or sample >= resting or self._switch is not None
+                rests = not self._moving or sample >= resting
+                leave = self._next is not None and (rests or self._goes_on)
             if self._ended.is_set():
                 return time.monotonic()
-            if waits and free:
+            if leave:
                 return due
             try:
                 for topic, message in motion.stamped(sample, first, base):

@@ -150,13 +150,15 @@ class JointMessageReader:
     """Decodes batches of one topic and collects the requested fields.
 
     `topic`: name by the user, perhaps with a field. `fields`: ``position``, ``velocity`` or
-    ``effort``; for an array of numbers ``effort`` is its data.
+    ``effort``; for an array of numbers ``effort`` is its data. `grows`: whether joints that
+    messages name are appended to `joints`.
     """
 
     topic: str
     kind: JointMessageType
     joints: Sequence[str]
     fields: Sequence[str]
+    grows: bool = False
     damaged: int = 0
     passed: int = 0
     _layouts: dict[object, _Layout] = field(default_factory=dict)
@@ -168,7 +170,7 @@ class JointMessageReader:
         """Decode a batch; JointStates of equal layout are decoded together."""
         stamps = np.zeros(len(batch), dtype=np.int64)
         which = np.full(len(batch), _UNREAD)
-        columns: dict[str, FloatArray] = {}
+        blocks: list[tuple[_Layout, _Block]] = []
         for number in range(len(batch)):
             if which[number] != _UNREAD:
                 continue
@@ -188,6 +190,9 @@ class JointMessageReader:
                 which[block.places] = _PASSED
                 continue
             which[block.places], stamps[block.places] = layout.number, block.stamps
+            blocks.append((layout, block))
+        columns: dict[str, FloatArray] = {}
+        for layout, block in blocks:
             for name in set(self.fields) & set(block.numbers):
                 filled = layout.places < block.numbers[name].shape[1]
                 if name not in columns:
@@ -219,6 +224,8 @@ class JointMessageReader:
                 )
             columns = places = list(range(count))
         else:
+            if self.grows:
+                self.joints = list(dict.fromkeys((*self.joints, *values.names)))
             columns = [k for k, joint in enumerate(self.joints) if joint in values.names]
             places = [values.names.index(self.joints[column]) for column in columns]
         layout = _Layout(
@@ -233,12 +240,13 @@ class JointMessageReader:
 
     def _merge(self, first: int) -> None:
         """Concatenate the parts from `first` on: many small arrays fragment the memory."""
-        parts, width = self._parts[first:], len(self.joints)
-        merged = {}
+        parts, merged, width = self._parts[first:], {}, len(self.joints)
         for name in self.fields:
             if any(name in values for _, values in parts):
                 pieces = [
-                    values.pop(name, np.broadcast_to(np.nan, (len(head[0]), width)))
+                    _widened(
+                        values.pop(name, np.broadcast_to(np.nan, (len(head[0]), width))), width
+                    )
                     for head, values in parts
                 ]
                 merged[name] = np.concatenate(pieces)
@@ -286,6 +294,12 @@ class JointMessageReader:
             names=tuple(names),
             origins=origins,
         )
+
+
+def _widened(values: FloatArray, width: int) -> FloatArray:
+    """Return values (n, k) with `width` columns, NaN for joints that came later."""
+    later = np.full((len(values), width - values.shape[1]), np.nan)
+    return np.hstack([values, later]) if later.shape[1] else values
 
 
 def checked_messages(

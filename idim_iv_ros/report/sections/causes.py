@@ -11,6 +11,7 @@ from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
 from idim_iv_ros.report.gap_words import effect_at, hint_words, small_unit, torque_unit
 from idim_iv_ros.report.numerals import (
+    is_interval,
     is_number,
     number,
     percent,
@@ -60,25 +61,21 @@ def _gap(title: str, gap: Gap, factor: float | None, unit: str, which: str) -> d
         "title": title,
         "sizes": sizes,
         "words": "; ".join(filter(None, (_shrinkage(gap), which))),
-        "share": None if not is_number(gap.shrinkage) else _percent_inside(gap.shrinkage),
+        "share": _percent_inside(gap.shrinkage) if is_number(gap.shrinkage) else None,
         "interval": None if gap.ci95 is None else tuple(map(_percent_inside, gap.ci95)),
     }
 
 
 def _percent_inside(share: float | None) -> float:
     """Return a share in percent, limited to 0 to 100."""
-    return (
-        0.0
-        if share is None or not is_number(share)
-        else round(100.0 * min(max(share, 0.0), 1.0), 1)
-    )
+    return round(100.0 * min(max(share, 0.0), 1.0), 1) if is_number(share) else 0.0
 
 
 def _shrinkage(gap: Gap) -> str:
-    if gap.shrinkage is None or not is_number(gap.shrinkage):
+    if not is_number(gap.shrinkage):
         return "its share is not known"
     interval = ""
-    if gap.ci95 is not None and is_number(gap.ci95[0]) and is_number(gap.ci95[1]):
+    if is_interval(gap.ci95):
         low, high = (number(100.0 * bound, 2) for bound in gap.ci95)
         interval = f" ({low} to {high} %)"
     of = "of the gap above the noise floor" if gap.noise_floor is not None else "of the gap"

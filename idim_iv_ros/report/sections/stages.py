@@ -4,7 +4,7 @@ from typing import Any
 
 from idim_iv_ros.diagnosis.result.document import GapResult, Regime, Stage
 from idim_iv_ros.report.gap_words import AXES, regime_range, small_unit, stage_words, torque_unit
-from idim_iv_ros.report.numerals import is_number, number, percent
+from idim_iv_ros.report.numerals import is_interval, is_number, number, percent
 from idim_iv_ros.report.section import Report, Section
 
 # Part of a bar: class, start and length in percent of the widest.
@@ -13,7 +13,7 @@ Bar = dict[str, str | float]
 
 def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
     """Return bars of all models at one joint, with the line and the origin of the noise floor."""
-    gap = next((gap for gap in result.joint_gaps if gap.joint == joint), None)
+    gap = next((gap for gap in result.where.joints if gap.joint == joint), None)
     floor = None if gap is None else gap.noise_floor
     largest = _largest(result.stages, joint, floor)
     rows, previous = [], None
@@ -37,7 +37,7 @@ def _largest(stages: tuple[Stage, ...], joint: str, floor: float | None) -> floa
     for stage in stages:
         value = stage.torque_rms.get(joint)
         high = stage.torque_ci95.get(joint, (0.0, 0.0))[1]
-        ends += [bound for bound in (value, high) if bound is not None and is_number(bound)]
+        ends += filter(is_number, (value, high))
     return 1.04 * max(ends) or 1.0
 
 
@@ -45,22 +45,20 @@ def _row(stage: Stage, joint: str, previous: float | None, largest: float) -> di
     """Return one model at one joint: bars as shares of `largest`, and its numbers as text."""
     value = stage.torque_rms.get(joint)
     interval = stage.torque_ci95.get(joint)
-    if interval is not None and not (is_number(interval[0]) and is_number(interval[1])):
-        interval = None
     bars = []
-    if value is not None and is_number(value):
+    if is_number(value):
         colour = stage.name if stage.name in ("given", "refit") else "effect"
         bars.append(bar(f"full {colour}", 0.0, value / largest))
         if previous is not None and previous > value:
             bars.append(bar(f"gone {colour}", value / largest, previous / largest))
-        if interval is not None:
+        if is_interval(interval):
             bars.append(bar("whisker", interval[0] / largest, interval[1] / largest))
     tracking = None if stage.tracking_rms is None else stage.tracking_rms.get(joint)
     return {
         "name": stage_words(stage.name),
         "bars": bars,
         "value": number(value),
-        "interval": "–" if interval is None else " … ".join(map(number, interval)),
+        "interval": " … ".join(map(number, interval)) if is_interval(interval) else "–",
         "tracking": number(None if tracking is None else 1e3 * tracking),
     }
 
@@ -105,9 +103,9 @@ STAGES = Section(
 
 def _regimes(report: Report[GapResult]) -> dict[str, Any] | None:
     result = report.result
-    if not result.regimes:
+    if not result.where.regimes:
         return None
-    of_joint = sorted(result.regimes, key=lambda regime: result.joints.index(regime.joint))
+    of_joint = sorted(result.where.regimes, key=lambda regime: result.joints.index(regime.joint))
     return {"rows": [_regime_row(result, regime) for regime in of_joint]}
 
 
@@ -117,7 +115,7 @@ def _regime_row(result: GapResult, regime: Regime) -> tuple[str, ...]:
     if not (regime.axis == "time" and len(result.session) > 1):
         bounds = f"{bounds} {regime.unit}".strip()
     lift = number(regime.lift, 2)
-    if regime.ci95 is not None and is_number(regime.ci95[0]) and is_number(regime.ci95[1]):
+    if is_interval(regime.ci95):
         lift += f" ({number(regime.ci95[0], 2)} to {number(regime.ci95[1], 2)})"
     shares = (percent(100.0 * share) for share in (regime.energy_share, regime.occupancy))
     return (regime.joint, AXES.get(regime.axis, regime.axis), bounds, *shares, lift)

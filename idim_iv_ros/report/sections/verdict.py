@@ -40,7 +40,7 @@ def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
     result = report.result
     values: Mapping[str, float | None]
     if isinstance(result, GapResult):
-        values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.joint_gaps}
+        values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.where.joints}
         title = "share of the gap"
     else:
         values = result.fit.joint_relative_error_percent
@@ -79,14 +79,14 @@ def robot_drawing(
         pixels[..., 1] = height - pixels[..., 1]
         return [[round(float(end), 1) for end in line] for line in pixels.reshape(len(lines), -1)]
 
-    largest = max([value for value in values if value is not None and is_number(value)] + [1e-3])
+    largest = max([1e-3, *filter(is_number, values)])
     drawn: list[dict[str, Any]] = []
     rows = zip(joints, values, placed(axes), strict=True)
     for joint, value, axis in sorted(rows, key=lambda row: row[2][1] + row[2][3]):
         x, y = 0.5 * (axis[0] + axis[2]), 0.5 * (axis[1] + axis[3])
         label = f"{joint}: {percent(value)}"
         line = max(y, drawn[-1]["line"] + _LINE) if drawn else y
-        share = value / largest if value is not None and is_number(value) else 0.0
+        share = value / largest if is_number(value) else 0.0
         drawn.append(
             {"x": x, "y": y, "line": line, "axis": axis, "colour": _colour(share), "label": label}
         )
@@ -110,6 +110,7 @@ def _project(point: FloatArray) -> FloatArray:
 
 
 def _colour(share: float) -> str:
+    """Return the CSS colour of a share from 0 to 1, between those of `_COLOURS`."""
     places = [place for place, _ in _COLOURS]
     parts = zip(*(colour for _, colour in _COLOURS), strict=True)
     mixed = [round(float(np.interp(share, places, part))) for part in parts]

@@ -1,0 +1,55 @@
+"""Stamps that jitter: whether the samples were taken so, the motion shows."""
+
+import numpy as np
+import pytest
+
+from idim_iv_ros.recording.sampling import sampling_times
+
+RATE, SAMPLES, JITTER = 250.0, 15_000, 3e-4
+START = 1_700_000_000_000_000_000  # ns
+
+
+def recorded(share: float, *, lost: float = 0.01, noise: float = 2e-5, speed: float = 1.0):
+    """Stamps and two joints sampled with a share of the stamps' jitter; true times in ns."""
+    random = np.random.default_rng(1)
+    regular = np.arange(SAMPLES) / RATE
+    jitter = JITTER * random.normal(size=SAMPLES)
+    sampled = regular + share * jitter
+    position = np.column_stack(
+        [np.sin(2.0 * speed * sampled), 0.5 * np.sin(5.0 * speed * sampled + 1.0)]
+    )
+    position += noise * random.normal(size=position.shape)
+    kept = random.random(SAMPLES) >= lost
+    stamps = START + np.rint(1e9 * (regular + jitter)).astype(np.int64)
+    truth = START + np.rint(1e9 * sampled).astype(np.int64)
+    return stamps[kept], position[kept], truth[kept]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_jitter_that_the_motion_does_not_show_is_taken_back(share: float) -> None:
+    """A share of the jitter is that of samples which a second clock takes; 1 % of them are lost."""
+    stamps, position, truth = recorded(share)
+    times, shown = sampling_times(stamps, position)
+    assert shown == pytest.approx(share, abs=0.01)
+    errors = times - truth
+    assert np.std(errors) < 0.1 * np.std(stamps - truth)
+    assert abs(errors.mean()) < 1e4
+    assert np.all(np.diff(times) > 0)
+
+
+def test_stamps_of_samples_that_were_taken_late_are_kept() -> None:
+    stamps, position, _ = recorded(1.0)
+    times, shown = sampling_times(stamps, position)
+    assert times is stamps and shown == 1.0
+
+
+@pytest.mark.parametrize("hides", [{"speed": 0.0}, {"noise": 0.1}])
+def test_a_motion_that_cannot_tell_keeps_the_stamps(hides) -> None:
+    stamps, position, _ = recorded(0.0, **hides)
+    assert sampling_times(stamps, position)[0] is stamps
+
+
+def test_regular_stamps_stay_bit_for_bit() -> None:
+    _, position, _ = recorded(0.0, lost=0.0)
+    stamps = START + (np.arange(SAMPLES) * round(1e9 / RATE)).astype(np.int64)
+    assert sampling_times(stamps, position)[0] is stamps
