@@ -86,7 +86,7 @@ def _why_not(
     if joint.tied or joint.beyond:
         return f"it is {joint.tied}" if joint.tied else f"it has {joint.beyond}"
     if _is_gripper(joint):
-        return "a gripper, by its name"
+        return "a gripper, by its name; if it is a joint of the arm, name it in robot.joints"
     if any(seen is None or seen.lowest is None for seen in position):
         return "not in the bag"
     if not needless and not all(seen is not None and seen.largest_effort for seen in effort):

@@ -110,6 +110,15 @@ def test_an_effort_in_another_unit_or_of_another_sign_is_compared_nowhere() -> N
     assert "opposite sign" in opposite.not_compared[0]
 
 
+def test_another_scale_of_the_recorded_efforts_is_no_change_of_the_law() -> None:
+    result = contrast([run("a", 1)], [in_unit(run("b", 2), (1.0, 1.15))])
+    (cause,) = result.causes
+    assert (cause.effect, cause.joint) == ("torque_gain", "joint_2")
+    factor = cause.parameters["factor"]
+    assert factor.std is not None and factor.std < 0.003
+    assert abs(factor.value - 1.0 / 1.15) < 3.0 * factor.std, "whatever the nominal masses are"
+
+
 def test_what_can_be_compared_is_where_another_joint_cannot_be() -> None:
     second = in_unit(run("b", 2, truth=stiffer(2.0)), (1.0, -1.0))
     result = contrast([run("a", 1)], [second])

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.result.causes import Evidence
 from idim_iv_ros.diagnosis.result.recordings import ContrastCause, JointTorque
 from idim_iv_ros.diagnosis.sentences import listed_numbers, or_else, spaced, torque, with_interval
 from idim_iv_ros.effects.cause import EffectParameter, Parameters
-from idim_iv_ros.effects.registry import CONTROL_LAW, name_of
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, name_of
 from idim_iv_ros.simulation import ControlLaw
 
 WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
@@ -196,6 +196,25 @@ def _law_cause(
     said = {"joint": made.joint, "sentence": sentence, "torques": (made,)}
     evidence = Evidence(2.0 * sum(term.evidence for term in differing))
     return [_cause(sets, CONTROL_LAW.name, (reference, against), evidence=evidence, **said)]
+
+
+def scaled_alike(law: ContrastCause, numbers: Sequence[ContrastCause]) -> bool:
+    """Whether the torque gain of a joint explains its change of law.
+
+    A gain of what is recorded changes all commands by its inverse: then both are one cause.
+    """
+    for cause in numbers:
+        factor = cause.parameters.get("factor")
+        if factor is None or cause.joint != law.joint or cause.kind != "parametric":
+            continue
+        if BY_NAME[cause.effect].part == "torque scale":
+            return all(
+                abs(factor.value * other.value - law.reference[name].value)
+                < settings.NORMAL_95
+                * np.hypot(factor.value * (other.std or 0.0), (factor.std or 0.0) * other.value)
+                for name, other in law.against.items()
+            )
+    return False
 
 
 def delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:

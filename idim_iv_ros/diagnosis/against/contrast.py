@@ -11,6 +11,7 @@ from idim_iv_ros.diagnosis.against.causes import (
     delay_causes,
     law_causes,
     parametric_causes,
+    scaled_alike,
     side_of,
     structural_causes,
     torques_of,
@@ -71,8 +72,9 @@ def contrast_of(
     law, why_no_law = law_causes(sets, without)
     shifts = {name: refit.shift.common for name, refit in zip(WHERE, sets.refits, strict=True)}
     delay = delay_causes(sets, shifts)
-    causes = structural_causes(sets, changes) + parametric_causes(sets, changes, numbers)
-    causes += law + delay
+    parametric = parametric_causes(sets, changes, numbers)
+    law = [cause for cause in law if not scaled_alike(cause, parametric)]
+    causes = [*structural_causes(sets, changes), *parametric, *law, *delay]
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = tuple(
         _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE

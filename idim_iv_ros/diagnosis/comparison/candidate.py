@@ -141,16 +141,20 @@ class Catalogue:
         """Return the same with candidates that act in some recordings only.
 
         What all recordings share has free numbers, and those that base parameters hold are no
-        candidates.
+        candidates. A gain is one of the torque that the estimate needs: errors of the nominal model
+        would be in it.
 
         `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from the
         others; effects are no candidates where there are no `scopes` for them.
         """
         kinds = {Kind.EFFECT, Kind.CURVE} if scopes else {Kind.CURVE}
         effects = [candidate for candidate in self.candidates if candidate.kind in kinds]
-        numbers = self._numbers
         made = copy(self)
-        made.space, made.not_given = replace(self.space, not_given=frozenset()), ()
+        estimate = self.data.estimate.linear.values
+        made.space = replace(self.space, given=estimate, not_given=frozenset())
+        made.not_given = ()
+        units = change_rows(self.data, made.space) if self._numbers else ()
+        numbers = [replace(n, lines=_lines(units, n.changes)) for n in self._numbers]
         made.candidates = (
             *effects,
             *(candidate for candidate in self.candidates if candidate.kind is Kind.SIGNAL),
@@ -244,9 +248,7 @@ class Catalogue:
                 if joint in still or (effect.name, joint) in self._hidden:
                     continue
                 for variant in effect.variants(self.space, joint):
-                    directions = np.column_stack([change.direction for change in variant])
-                    tables = [(unit @ directions).T.astype(np.float32) for unit in units]
-                    lines = {j: table for j, table in enumerate(tables) if np.any(table)}
+                    lines = _lines(units, variant)
                     if lines:
                         place = None if joint is None else Place(joint)
                         changes = tuple(variant)
@@ -273,6 +275,13 @@ class Catalogue:
         if not effect.admissible(shape, coefficients):
             return "its numbers have a sign or size that physics excludes"
         return effect.impossible(shape, coefficients, place.joint, self.data.covered)
+
+
+def _lines(units: Sequence[FloatArray], changes: Sequence[Change]) -> dict[int, SingleArray]:
+    """Rows (w, r_j) of changes at the joints that they move; `units`: see `change_rows`."""
+    directions = np.column_stack([change.direction for change in changes])
+    tables = [(unit @ directions).T.astype(np.float32) for unit in units]
+    return {joint: table for joint, table in enumerate(tables) if np.any(table)}
 
 
 def change_rows(data: Baseline, space: ParameterSpace) -> tuple[FloatArray, ...]:
