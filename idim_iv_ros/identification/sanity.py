@@ -17,6 +17,7 @@ from idim_iv_ros.identification.effort_statistics import (
     EffortStatistics,
     effort_statistics,
 )
+from idim_iv_ros.identification.references import wrong_references
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Cutoffs, Motion
@@ -85,7 +86,19 @@ def joint_findings(
         findings += signals.outliers()
         if of_effort is not None:
             findings += signals.efforts(of_effort, units.get(joint))
-    return tuple(findings)
+    return (*findings, *_of_references(model, motions))
+
+
+def _of_references(model: InverseModel, motions: Sequence[Motion]) -> Iterator[JointFinding]:
+    """Say which references cannot be those of their joints, once for each joint."""
+    wrong: dict[int, str] = {}
+    for motion in motions:
+        asked, span = motion.signals.position_reference, motion.span
+        if asked is not None:
+            moved = motion.signals.position[span]
+            wrong |= wrong_references(moved, asked[span], model.robot.joints)
+    for joint, sentence in sorted(wrong.items()):
+        yield JointFinding(joint, "limited", sentence)
 
 
 def _other_units(statistics: Sequence[EffortStatistics | None]) -> dict[int, float]:

@@ -1,0 +1,31 @@
+"""Whether references are those of the joints: the joints that follow them say so."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from idim_iv_ros.types import FloatArray
+
+_RESTING = 1e-3  # rad (m) of standard deviation, below which nothing follows anything
+_SAME_MOTION = 0.9  # correlation, from which on a factor between two motions is one of units
+_ANOTHER_MOTION = 0.2  # correlation, below which a joint does not follow its reference
+_FACTOR = 3.0
+
+
+def wrong_references(
+    position: FloatArray, reference: FloatArray, joints: Sequence[str]
+) -> Iterator[tuple[int, str]]:
+    """Yield joints whose reference has another unit, or is that of another joint, and why.
+
+    A lag, an offset and a soft loop are neither. `position`, `reference`: (s, n_joints).
+    """
+    moved, asked = position - position.mean(axis=0), reference - reference.mean(axis=0)
+    spreads = np.std(moved, axis=0), np.std(asked, axis=0)
+    alike = moved.T @ asked / len(moved) / np.maximum(np.outer(*spreads), 1e-300)
+    for joint in np.flatnonzero(np.minimum(*spreads) > _RESTING).tolist():
+        same, nearest = alike[joint, joint], int(np.argmax(alike[joint]))
+        factor = spreads[1][joint] / spreads[0][joint]
+        if same > _SAME_MOTION and not 1.0 / _FACTOR < factor < _FACTOR:
+            yield joint, f"its references are {factor:.2g} times its motion: another unit?"
+        elif same < _ANOTHER_MOTION and alike[joint, nearest] > _SAME_MOTION:
+            yield joint, f"it moves as the references of {joints[nearest]} say: another order?"
