@@ -92,10 +92,10 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    first_of, second_of = (
+    estimates, others = (
         {name: (of[name].value, of[name].std) for name in shared} for of in by_name
     )
-    drifts = drifts_of(first_of, second_of, _LEVEL)
+    drifts = drifts_of(estimates, others, _LEVEL)
     pairs = [
         ParameterPair(
             name=drift.name,

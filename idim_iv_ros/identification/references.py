@@ -7,9 +7,10 @@ import numpy as np
 from idim_iv_ros.types import FloatArray
 
 _RESTING = 1e-3  # rad (m) of standard deviation, below which nothing follows anything
+_MOVING = 0.05  # of the largest, from which on a joint is asked
 _SAME_MOTION = 0.9  # correlation, from which on a factor between two motions is one of units
 _ANOTHER_MOTION = 0.2  # correlation, below which a joint does not follow its reference
-_FACTOR = 3.0
+_FACTOR = 10.0  # beyond what a soft loop makes
 
 
 def wrong_references(
@@ -22,10 +23,16 @@ def wrong_references(
     moved, asked = position - position.mean(axis=0), reference - reference.mean(axis=0)
     spreads = np.std(moved, axis=0), np.std(asked, axis=0)
     alike = moved.T @ asked / len(moved) / np.maximum(np.outer(*spreads), 1e-300)
-    for joint in np.flatnonzero(np.minimum(*spreads) > _RESTING).tolist():
-        same, nearest = alike[joint, joint], int(np.argmax(alike[joint]))
-        factor = spreads[1][joint] / spreads[0][joint]
-        if same > _SAME_MOTION and not 1.0 / _FACTOR < factor < _FACTOR:
+    moving = np.minimum(*spreads) > np.maximum(_RESTING, _MOVING * spreads[0].max())
+    same = np.diag(alike)
+    for joint in np.flatnonzero(moving).tolist():
+        nearest, factor = int(np.argmax(alike[joint])), spreads[1][joint] / spreads[0][joint]
+        if same[joint] < -_SAME_MOTION:
+            yield joint, "its references have the opposite sign of its motion"
+        elif same[joint] > _SAME_MOTION and not 1.0 / _FACTOR < factor < _FACTOR:
             yield joint, f"its references are {factor:.2g} times its motion: another unit?"
-        elif same < _ANOTHER_MOTION and alike[joint, nearest] > _SAME_MOTION:
+        elif (
+            max(same[joint], same[nearest]) < _ANOTHER_MOTION
+            and alike[joint, nearest] > _SAME_MOTION
+        ):
             yield joint, f"it moves as the references of {joints[nearest]} say: another order?"

@@ -4,7 +4,7 @@ Positions and speeds against the limits of the URDF, efforts against the nominal
 what no torque can be. Each finding is one sentence: what is wrong, and what to do.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,6 +21,7 @@ from idim_iv_ros.identification.references import wrong_references
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Cutoffs, Motion
+from idim_iv_ros.simulation import inverse_dynamics
 
 Level = Literal["good", "limited", "unusable"]
 
@@ -36,13 +37,14 @@ _STATIC = 0.95  # of that variance
 _ABSENT = 0.2  # of the torque of accelerations that the nominal masses need
 _BETTER_WITH_SIGNS = 0.7  # of the residual
 _MOSTLY_MASSES = 0.5  # of the variance of the effort beside friction
-_ANOTHER_UNIT = 10.0  # times what the other joints have
+ANOTHER_UNIT = 10.0  # times what the other joints have
 _BOTH_WAYS = 0.05  # of the samples
 _FRICTION = 3.0  # times the effort
 # A link turns as far as its motor (in joint angles): otherwise another unit, sign or ratio.
 _ANOTHER_RATIO = 0.1
 _STANDS_STILL = 0.01  # of the motor's motion
-_STATES = 8  # random ones, that show on which joints a torque depends
+_STATES = 200  # of a recording, that show how much of a torque depends on other joints
+_SPOILT = 0.05  # of a torque, from which on it does
 
 
 @dataclass(frozen=True)
@@ -68,12 +70,19 @@ def joint_findings(
     model.
     """
     statistics = effort_statistics(model, motions, cutoffs)
-    units = _other_units(statistics) if effort_unit == "N m" else {}
+    efforts = {k: effort for k, effort in enumerate(statistics) if effort is not None}
+    ratios = {
+        joint: effort.torque.value
+        for joint, effort in efforts.items()
+        if effort.torque is not None and effort.torque.of_rest >= _MOSTLY_MASSES
+    }
+    sizes = {joint: effort.size for joint, effort in efforts.items()}
+    units = in_smaller_units(ratios, sizes) if effort_unit == "N m" else {}
     findings: list[JointFinding] = []
     signals_of = [_Signals(model, motions, joint, effort_unit) for joint in range(len(statistics))]
     positions = [list(signals.positions()) for signals in signals_of]
     wrong = [k for k, some in enumerate(positions) if any(finding.left_out for finding in some)]
-    spoilt = _moved_by(model, wrong)
+    spoilt = _moved_by(model, motions, wrong)
     for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
         findings += positions[joint]
         if joint in spoilt and joint not in wrong:
@@ -101,43 +110,42 @@ def _of_references(model: InverseModel, motions: Sequence[Motion]) -> Iterator[J
         yield JointFinding(joint, "limited", sentence)
 
 
-def _other_units(statistics: Sequence[EffortStatistics | None]) -> dict[int, float]:
+def in_smaller_units(ratios: Mapping[int, float], sizes: Mapping[int, float]) -> dict[int, float]:
     """Joints whose effort has a smaller unit than the others', and how many times as large it is.
 
-    It follows the torque of the nominal masses, but is far larger by it than the other joints', and
-    far larger than theirs. A payload at a light wrist makes the first alone; masses that are all
-    placeholders make neither.
+    It is far larger than the torque of the masses that it follows, also beside the other joints',
+    and far larger than their efforts. A payload at a light wrist makes the first alone; masses that
+    are all placeholders make no difference between joints, and masses given too large no effort.
+
+    `ratios`: of efforts to the torques that they follow; `sizes`: of efforts, RMS.
     """
-    efforts = {joint: effort for joint, effort in enumerate(statistics) if effort is not None}
-    ratios = {
-        joint: effort.torque.value
-        for joint, effort in efforts.items()
-        if effort.torque is not None
-        and effort.torque.of_rest >= _MOSTLY_MASSES
-        and effort.torque.value > 0.0
-    }
     made = {}
     for joint, ratio in ratios.items():
-        others = [value for other, value in ratios.items() if other != joint]
-        sizes = [effort.size for other, effort in efforts.items() if other != joint]
-        if not others or efforts[joint].size < _ANOTHER_UNIT * np.median(sizes):
+        usual = [value for other, value in ratios.items() if other != joint and value > 0.0]
+        others = [size for other, size in sizes.items() if other != joint]
+        if not usual or sizes[joint] < ANOTHER_UNIT * np.median(others):
             continue
-        times = ratio / float(np.median(others))
-        if times > _ANOTHER_UNIT:
-            made[joint] = times
+        if ratio > ANOTHER_UNIT * max(1.0, float(np.median(usual))):
+            made[joint] = ratio / float(np.median(usual))
     return made
 
 
-def _moved_by(model: InverseModel, moving: Sequence[int]) -> frozenset[int]:
-    """Joints whose rows are others where some joints move otherwise."""
-    if not moving:
+def _moved_by(
+    model: InverseModel, motions: Sequence[Motion], wrong: Sequence[int]
+) -> frozenset[int]:
+    """Joints whose torque, by the nominal masses, is another one where some joints are in degrees."""
+    if not wrong:
         return frozenset()
-    random = np.random.default_rng(0)
-    states = random.standard_normal((3, _STATES, len(model.robot.joints)))
-    others = states.copy()
-    others[:, :, moving] = random.standard_normal((3, _STATES, len(moving)))
-    pairs = zip(model.joint_matrices(*states), model.joint_matrices(*others), strict=True)
-    return frozenset(k for k, pair in enumerate(pairs) if not np.allclose(*pair))
+    nominal, torques, changes = model.robot.given.of_links, [], []
+    for motion in motions:
+        samples = motion.decimation.samples
+        states = [state[:: -(-samples // _STATES)] for state in motion.derivatives(0, samples)]
+        torques.append(inverse_dynamics(model.robot, nominal, *states))
+        for state in states:
+            state[:, wrong] *= _DEGREE
+        changes.append(torques[-1] - inverse_dynamics(model.robot, nominal, *states))
+    sizes = [np.linalg.norm(np.concatenate(parts), axis=0) for parts in (torques, changes)]
+    return frozenset(np.flatnonzero(sizes[1] > _SPOILT * sizes[0]).tolist())
 
 
 def _too_few_rows(

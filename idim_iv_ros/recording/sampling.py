@@ -57,9 +57,14 @@ def _regular_clock(stamps: FloatArray, width: int) -> tuple[IntArray, FloatArray
 
 
 def _share_in(position: FloatArray, jitter: FloatArray, places: IntArray) -> tuple[float, float]:
-    """Share of the jitter (n,), in intervals, that is in the positions, with its deviation."""
+    """Share of the jitter (n,), in intervals, that is in the positions, with its deviation.
+
+    The mean of the joints' shares, by the inverse of their variances; that of none is infinite.
+    """
     whole = np.convolve(np.diff(places, prepend=places[0] - 1) == 1, np.ones(_WINDOW), "same")
     whole = whole == _WINDOW
+    if np.count_nonzero(whole) < _BLOCKS * _WINDOW:
+        return 1.0, np.inf
     slope = scipy.signal.savgol_coeffs(_WINDOW, _ORDER, deriv=1)
     edges = np.linspace(0, np.count_nonzero(whole), _BLOCKS, endpoint=False, dtype=int)
     weighted = weights = 0.0

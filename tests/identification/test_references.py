@@ -17,14 +17,18 @@ REFERENCE = np.column_stack([np.sin(1.7 * TIME), 0.5 * np.sin(0.9 * TIME + 1.0)]
         pytest.param(0.5 * REFERENCE, id="soft"),
         pytest.param(REFERENCE * np.array([1.0, 0.0]), id="a joint that is held"),
         pytest.param(np.roll(REFERENCE, 150, axis=0), id="1.5 s late"),
+        pytest.param(REFERENCE * np.array([1.0, 0.2]), id="very soft"),
+        pytest.param(REFERENCE[:, [0, 0]] * np.array([1.0, 0.01]), id="shaken by the other"),
     ],
 )
 def test_a_loop_that_follows_badly_still_follows(position: np.ndarray) -> None:
     assert list(wrong_references(position, REFERENCE, ("a", "b"))) == []
 
 
-def test_degrees_and_joints_in_another_order_are_named() -> None:
+def test_degrees_signs_and_joints_in_another_order_are_named() -> None:
     degrees = dict(wrong_references(REFERENCE, np.degrees(REFERENCE), ("a", "b")))
     assert degrees[0].startswith("its references are 57 times its motion")
+    opposite = dict(wrong_references(REFERENCE, -REFERENCE, ("a", "b")))
+    assert all("opposite sign" in sentence for sentence in opposite.values())
     swapped = dict(wrong_references(REFERENCE, REFERENCE[:, ::-1], ("a", "b")))
     assert "the references of b" in swapped[0] and "the references of a" in swapped[1]

@@ -15,6 +15,7 @@ from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.first_configuration.proposal import propose_configuration
 from idim_iv_ros.identification.check import CheckReport, check, count_reversals
 from idim_iv_ros.identification.identify import identify
+from idim_iv_ros.identification.sanity import in_smaller_units
 from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.report.advice import diagnosis_headline
 from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
@@ -164,12 +165,23 @@ def test_degrees_are_no_positions_in_radians(tmp_path: Path) -> None:
     assert where(checked(tmp_path, degrees), "unusable") == ["joint_1", "joint_2"]
 
 
-def test_degrees_of_one_joint_leave_out_all_that_it_moves(tmp_path: Path) -> None:
+def test_degrees_of_one_joint_leave_out_what_they_make_another_torque(tmp_path: Path) -> None:
     """The first joint's gravity and inertia turn with the second's angle."""
     degrees = replace(recording(), position=recording().position * np.array([1.0, 180.0 / np.pi]))
     report = checked(tmp_path, degrees)
     assert where(report, "unusable") == ["joint_1", "joint_2"]
     assert "its torque depends on the motion of joint_2" in str(report.findings)
+
+
+def test_a_smaller_unit_is_that_of_a_joint_beside_the_others() -> None:
+    sizes = {0: 40.0, 1: 20.0, 2: 1.0, 3: 1.0}
+    assert in_smaller_units({0: 1.1, 1: 0.9, 2: 900.0}, {**sizes, 2: 900.0}) == {2: 900.0}
+    payload = {0: 1.2, 1: 1.1, 2: 60.0}
+    placeholders = {0: 22.0, 1: 21.0, 2: 25.0}
+    heavy_wrist = {0: 0.9, 1: 0.95, 2: 0.01, 3: 0.008}
+    alone = {0: 50.0}
+    for ratios in (payload, placeholders, heavy_wrist, alone):
+        assert in_smaller_units(ratios, sizes) == {}
 
 
 def test_position_beyond_the_limits_is_said_with_both(tmp_path: Path) -> None:

@@ -49,6 +49,13 @@ def test_a_motion_that_cannot_tell_keeps_the_stamps(hides) -> None:
     assert sampling_times(stamps, position)[0] is stamps
 
 
+def test_a_clock_without_whole_stretches_keeps_the_stamps() -> None:
+    """Every fifth message is missing: nothing says what a smooth motion is."""
+    stamps, position, _ = recorded(0.0, lost=0.0)
+    kept = np.arange(SAMPLES) % 5 != 0
+    assert sampling_times(stamps[kept], position[kept])[1] == 1.0
+
+
 def test_regular_stamps_stay_bit_for_bit() -> None:
     _, position, _ = recorded(0.0, lost=0.0)
     stamps = START + (np.arange(SAMPLES) * round(1e9 / RATE)).astype(np.int64)

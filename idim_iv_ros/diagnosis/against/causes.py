@@ -208,7 +208,7 @@ def scaled_alike(law: ContrastCause, numbers: Sequence[ContrastCause]) -> bool:
         if factor is None or cause.joint != law.joint or cause.kind != "parametric":
             continue
         if BY_NAME[cause.effect].part == "torque scale":
-            return all(
+            return bool(law.against) and all(
                 abs(factor.value * other.value - law.reference[name].value)
                 < settings.NORMAL_95
                 * np.hypot(factor.value * (other.std or 0.0), (factor.std or 0.0) * other.value)

@@ -18,11 +18,11 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
+from idim_iv_ros.identification.sanity import ANOTHER_UNIT, in_smaller_units
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _FOLLOWS = 0.5  # of the energy of an effort
-_ANOTHER_UNIT = 10.0  # times the torque that the reference needs, or a part of it
 
 
 @dataclass(frozen=True)
@@ -88,24 +88,27 @@ def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
     """Joints whose efforts are not torques of one robot in both sets, and why.
 
     A set is judged by itself first. Then its effort may follow what the numbers of the reference
-    need on its motion, but in another unit or with another sign: no robot changes so.
+    need on its motion, but in a smaller unit, at most joints or where in_smaller_units says so: no
+    robot changes so.
     """
     why: dict[int, str] = {}
     for data, name in ((reference, "the reference"), (second, "the second set")):
         for finding in data.prepared.joint_findings:
             if finding.left_out:
                 why.setdefault(finding.joint, f"in {name} {finding.sentence}")
-    values = reference.estimate.linear.values
+    ratios: dict[int, float] = {}
     for joint, rows in enumerate(second.rows):
-        needed = rows.matrix @ values[rows.columns]
+        needed = rows.prediction(reference.estimate.linear.values)
         common, energy = float(needed @ rows.torque), float(needed @ needed)
-        follows = common**2 >= _FOLLOWS * energy * float(rows.torque @ rows.torque)
-        usual = energy / _ANOTHER_UNIT < common < _ANOTHER_UNIT * energy
-        if joint not in why and follows and not usual:
-            why[joint] = (
-                f"in the second set the effort is {common / max(energy, 1e-300):.2g} times what "
-                "the reference needs for such a motion, and follows it: another unit or sign?"
-            )
+        if joint not in why and common**2 > _FOLLOWS * energy * float(rows.torque @ rows.torque):
+            ratios[joint] = common / energy
+    of_all = float(np.median(list(ratios.values()))) if ratios else 1.0
+    sizes = dict(enumerate(second.torque_sizes.tolist()))
+    for joint in ratios if of_all > ANOTHER_UNIT else in_smaller_units(ratios, sizes):
+        why[joint] = (
+            f"in the second set the effort is {ratios[joint]:.2g} times what the reference needs "
+            "for such a motion, and follows it: another unit?"
+        )
     return why
 
 
@@ -123,7 +126,7 @@ def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> Prepare
 def _together(first: Baseline, second: Baseline, left_out: Collection[int]) -> Baseline:
     """Put the recordings and rows of two sets one after the other.
 
-    `left_out`: joints whose rows get next to no weight.
+    `left_out`: joints whose rows do not count.
     """
     one, other = first.prepared, second.prepared
     recordings = (*one.recordings, *other.recordings)

@@ -229,8 +229,8 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
     torques = []  # (s, n_joints, k) of each recording
     for motion in data.motions:
         still = np.zeros_like(motion.position)
-        held = [inverse_dynamics(tilt, bodies, motion.position, still, still) for tilt in tilted]
-        torques.append(np.stack(held, axis=2))
+        static = [inverse_dynamics(tilt, bodies, motion.position, still, still) for tilt in tilted]
+        torques.append(np.stack(static, axis=2))
     return [
         data.decimated(joint, [torque[:, joint] for torque in torques])
         for joint in range(len(robot.joints))
