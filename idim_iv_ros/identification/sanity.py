@@ -133,7 +133,7 @@ def in_smaller_units(ratios: Mapping[int, float], sizes: Mapping[int, float]) ->
 def _moved_by(
     model: InverseModel, motions: Sequence[Motion], wrong: Sequence[int]
 ) -> frozenset[int]:
-    """Joints whose torque, by the nominal masses, is another one where some joints are in degrees."""
+    """Joints whose torque, by the nominal masses, changes where some joints are in degrees."""
     if not wrong:
         return frozenset()
     nominal, torques, changes = model.robot.given.of_links, [], []
