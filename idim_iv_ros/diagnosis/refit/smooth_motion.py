@@ -108,8 +108,8 @@ def simulated_slips(
 
     Simulated with the refit's numbers; where its loop diverges, with the given ones and the refit's
     friction: a spring makes inertias negative, and a robot with such ones runs away. When joints
-    turn is hardly another in a loop that follows its reference. None where no closed loop is
-    simulated.
+    turn is hardly another in a loop that follows its reference, which a fitted law is not sure to
+    do. None where no closed loop is simulated.
     """
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
@@ -118,7 +118,7 @@ def simulated_slips(
     refit = source.model.dynamic_parameters(estimate.linear.values)
     friction = [np.maximum(numbers, 0.0) for numbers in (refit.coulomb, refit.viscous)]
     tried = [refit]
-    if prepared.given is not None:
+    if prepared.given is not None and prepared.configuration.controller.type != "unknown":
         given = source.model.dynamic_parameters(prepared.given)
         tried.append(replace(given, coulomb=friction[0], viscous=friction[1]))
     slips: list[FloatArray | None] = []
