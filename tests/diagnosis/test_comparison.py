@@ -237,19 +237,3 @@ def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_
         regression = Regression(joints, plain.parameters)
         names = "torque_saturation", "asymmetric_friction", "position_dependent_friction"
         assert names_of(selected(data, regression, *names)) == []
-
-
-@pytest.mark.parametrize("others", [0.0, 0.05, 1.0])
-def test_evidence_counts_what_every_row_says_without_itself(data: Baseline, others: float) -> None:
-    """The jackknife of a coefficient, of a torque that is made for an outlier in one row."""
-    comparison = selected(data, world(data, 3), "torque_saturation").comparison
-    rng, count = np.random.default_rng(4), 400
-    rest, line = np.zeros((2, sum(map(len, comparison.nominal.white.gap))))
-    rest[:count], rest[100] = rng.normal(size=count), 30.0
-    line[:count], line[100] = others / np.sqrt(count) * rng.choice([-1.0, 1.0], count), 1.0
-    energy = float(line @ line)
-    coefficient = float(line @ rest) / energy
-    left_out = energy - line[:count] ** 2
-    without = (line @ rest - line[:count] * rest[:count]) / np.where(left_out > 0, left_out, 1.0)
-    ((_, by_rows),) = comparison.dispersions(rest, [line[None]], [np.array([coefficient])])
-    assert by_rows == pytest.approx(energy * float(np.sum((without - coefficient) ** 2)), rel=0.02)

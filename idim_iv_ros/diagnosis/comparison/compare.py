@@ -17,7 +17,6 @@ from idim_iv_ros.types import FloatArray, IntArray
 
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
 _MOST_BANNED = 4  # places that are passed over because they are not visible
-_OF_NO_OTHERS = 1e-3  # share of a torque's energy beyond one row that counts as none
 _ROUNDING = 1e-5  # of the largest information of a direction: less is none
 _LOOKED_AT = 400  # options whose evidence is computed first: those with the highest bound
 
@@ -151,10 +150,8 @@ class Comparison:
     ) -> list[tuple[float, float]]:
         """Variance of scores of options over blocks of time, over that of the model, and by rows.
 
-        The second is where its torque is: 1 where the noise is as large there as elsewhere, more
-        where noise grows with the torque or outliers lie. Rows count with what they leave when the
-        torque is fitted without them (the jackknife; MacKinnon and White 1985, HC3): a row says
-        nothing for a torque that is made for it alone. Both are 1 at least.
+        The second is where its torque is (White's estimator): 1 where the noise is as large there
+        as elsewhere, more where noise grows with the torque or outliers lie. Both are 1 at least.
 
         `rest`: (r,) whitened residual of the model, all joints one after the other; `lines`,
         `coefficients`: (w_k, r), (w_k,) of every option: whitened columns, less what the model
@@ -167,9 +164,7 @@ class Comparison:
             unit = root.T.astype(columns.dtype) @ columns
             sums = self._in_block @ np.add.reduceat(unit * left, self._starts, axis=1).T
             over_blocks = np.sum(sums**2, axis=0) * len(sums) / max(len(sums) - 1, 1)
-            others = 1.0 - np.sum(unit**2, axis=0)  # share of a row's fit that other rows decide
-            alone = np.where(others > _OF_NO_OTHERS, left / np.maximum(others, _OF_NO_OTHERS), rest)
-            by_rows = np.sum((unit * alone) ** 2, axis=1)
+            by_rows = np.sum((unit * left) ** 2, axis=1)
             pair = float(weights @ over_blocks), float(weights @ by_rows)
             made.append((max(1.0, pair[0]), max(1.0, pair[1])))
         return made
