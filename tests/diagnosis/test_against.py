@@ -102,12 +102,11 @@ def test_an_effort_in_another_unit_or_of_another_sign_is_compared_nowhere() -> N
     """A load of tonnes, or no difference where the rows of a joint are left out."""
     milli = contrast([run("a", 1)], [in_unit(run("b", 2), (1e3, 1e3))])
     assert milli.differs is None and milli.causes == () and milli.joints == ()
-    assert milli.sentence.startswith("Nothing could be compared. ")
-    assert "Joint_2 is not compared: in the second set the effort is 1e+03" in milli.sentence
+    assert len(milli.not_compared) == 2 and all("1e+03" in why for why in milli.not_compared)
     opposite = contrast([run("a", 1)], [in_unit(run("b", 2), (1.0, -1.0))])
     assert opposite.causes == () and opposite.differs is not False
     assert [joint.joint for joint in opposite.joints] == ["joint_1"]
-    assert "opposite sign" in opposite.not_compared[0]
+    assert len(opposite.not_compared) == 1
 
 
 def test_another_scale_of_the_recorded_efforts_is_no_change_of_the_law() -> None:

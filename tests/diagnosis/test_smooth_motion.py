@@ -70,18 +70,6 @@ def test_friction_is_a_share_of_its_level_and_the_sign_of_the_speed_elsewhere(da
     assert np.all(np.abs(data.motions[0].slip) <= 1.0 + 1e-12)
 
 
-def test_a_refit_that_is_no_robot_leaves_the_given_one_to_say_when_joints_turn(data) -> None:
-    """A spring that the refit lacks makes the inertia of a light drive negative."""
-    estimate, names = data.estimate, data.prepared.model.base.names
-    values = estimate.linear.values.copy()
-    values[names.index("Ia2")] = -1.0
-    impossible = replace(estimate, linear=replace(estimate.linear, values=values))
-    (slip,) = simulated_slips(data.prepared, impossible)
-    (right,) = simulated_slips(data.prepared, estimate)
-    assert slip is not None
-    assert np.mean(np.abs(slip - right) > 0.1) < 0.02
-
-
 def test_load_is_that_of_the_links_without_drives_and_friction(data: Baseline) -> None:
     """The drive of joint 2 has a parameter of its own; that of joint 1 is grouped with YY1."""
     motion = data.motions[0]

@@ -106,31 +106,20 @@ def simulated_slips(
 ) -> tuple[FloatArray | None, ...]:
     """Friction of each recording's span as a share of its level, (n_samples, n_joints), −1 to 1.
 
-    Simulated with the refit's numbers; where its loop diverges, with the given ones and the refit's
-    friction: a spring makes inertias negative, and a robot with such ones runs away. When joints
-    turn is hardly another in a loop that follows its reference, which a fitted law is not sure to
-    do. None where no closed loop is simulated.
+    None where the closed loop is not simulated.
     """
     source = estimate.source
     if not isinstance(source, SimulatedLoop):
         return (None,) * len(prepared.motions)
     robot = source.model.robot
-    refit = source.model.dynamic_parameters(estimate.linear.values)
-    friction = [np.maximum(numbers, 0.0) for numbers in (refit.coulomb, refit.viscous)]
-    tried = [refit]
-    if prepared.given is not None and prepared.configuration.controller.type != "unknown":
-        given = source.model.dynamic_parameters(prepared.given)
-        tried.append(replace(given, coulomb=friction[0], viscous=friction[1]))
+    parameters = source.model.dynamic_parameters(estimate.linear.values)
+    level = np.maximum(parameters.coulomb, 0.0)
     slips: list[FloatArray | None] = []
     for motion, law in zip(source.motions, source.laws, strict=True):
-        for parameters in tried:
-            run = replay(robot, parameters, law, motion)
-            if run.diverged is None:
-                break
-        else:
+        run = replay(robot, parameters, law, motion)
+        if run.diverged is not None:
             slips.append(None)
             continue
-        level = friction[0]
         states = run.position, run.velocity, run.acceleration
         slippery = inverse_dynamics(robot, parameters.without_dry_friction, *states)
         share = (run.applied_torque - slippery) / np.where(level > 0.0, level, 1.0)
