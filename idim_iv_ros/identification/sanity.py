@@ -137,13 +137,14 @@ def _moved_by(
     if not wrong:
         return frozenset()
     nominal, torques, changes = model.robot.given.of_links, [], []
+    scale = np.ones(len(model.robot.joints))
+    scale[wrong] = _DEGREE
     for motion in motions:
         samples = motion.decimation.samples
         states = [state[:: -(-samples // _STATES)] for state in motion.derivatives(0, samples)]
         torques.append(inverse_dynamics(model.robot, nominal, *states))
-        for state in states:
-            state[:, wrong] *= _DEGREE
-        changes.append(torques[-1] - inverse_dynamics(model.robot, nominal, *states))
+        right = [state * scale for state in states]
+        changes.append(torques[-1] - inverse_dynamics(model.robot, nominal, *right))
     sizes = [np.linalg.norm(np.concatenate(parts), axis=0) for parts in (torques, changes)]
     return frozenset(np.flatnonzero(sizes[1] > _SPOILT * sizes[0]).tolist())
 

@@ -15,11 +15,13 @@ from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.first_configuration.proposal import propose_configuration
 from idim_iv_ros.identification.check import CheckReport, check, count_reversals
 from idim_iv_ros.identification.identify import identify
+from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.identification.sanity import in_smaller_units
 from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.report.advice import diagnosis_headline
 from idim_iv_ros.simulation import SimulatedRecording, inverse_dynamics
 from idim_iv_ros.types import FloatArray
+from tests.estimation.test_simulated_arms import recording_of
 from tests.inputs import changed
 
 Change = Callable[[SimulatedArm, SimulatedRecording], SimulatedRecording]
@@ -171,6 +173,15 @@ def test_degrees_of_one_joint_leave_out_what_they_make_another_torque(tmp_path: 
     report = checked(tmp_path, degrees)
     assert where(report, "unusable") == ["joint_1", "joint_2"]
     assert "its torque depends on the motion of joint_2" in str(report.findings)
+
+
+def test_what_is_said_of_signals_leaves_them_as_they_are() -> None:
+    degrees = replace(recording(), position=recording().position * np.array([1.0, 180.0 / np.pi]))
+    prepared = prepare([recording_of(ARM, degrees)], ARM.configuration)
+    before = [motion.position.copy() for motion in prepared.motions]
+    assert any(finding.left_out for finding in prepared.joint_findings)
+    for motion, position in zip(prepared.motions, before, strict=True):
+        np.testing.assert_array_equal(motion.position, position)
 
 
 def test_a_smaller_unit_is_that_of_a_joint_beside_the_others() -> None:
