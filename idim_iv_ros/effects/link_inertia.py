@@ -2,12 +2,20 @@
 
 import re
 
-from idim_iv_ros.effects.parametric_effect import ParametricEffect
-from idim_iv_ros.model.parameters import INERTIAL, POINT
+import numpy as np
+
+from idim_iv_ros.effects.parametric_effect import Change, ParameterSpace, ParametricEffect
+from idim_iv_ros.model.parameters import INERTIAL, POINT, WHOLE_LINK
+
+_HEAVIER = "relative_change_of_mass"
 
 
 class LinkInertia(ParametricEffect):
-    """Changes of the inertial parameters of one link, those that the motion shows."""
+    """Changes of the inertial parameters of one link, those that the motion shows.
+
+    A link of another mass and the same shape is one number, which is tried first: another material,
+    or a thicker wall, moves all ten parameters alike.
+    """
 
     name = "link_inertia"
     order = 60
@@ -16,10 +24,20 @@ class LinkInertia(ParametricEffect):
     segments = ("repeat", "multisine")
     sets = (POINT, INERTIAL)  # mass and first moments alone: a payload may have nothing else
 
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """The whole link heavier or lighter; then the `sets`."""
+        assert joint is not None
+        direction = np.zeros(space.size)
+        for kind, value in zip(INERTIAL, space.model.robot.given.of_bodies[joint], strict=True):
+            for change in space.change(kind, joint, kind):
+                direction += value * change.direction
+        whole = [Change(_HEAVIER, "", direction, -1.0)] if direction.any() else []
+        return [*([whole] if whole else []), *super().variants(space, joint)]
+
     def standard_kind(self, name: str) -> str:
         """Letters of the inertial parameter that changes; empty of one that groups others."""
         changed = re.fullmatch(r"change_of_([A-Z]+)\d+", name)
-        return "" if changed is None else changed[1]
+        return WHOLE_LINK if name == _HEAVIER else "" if changed is None else changed[1]
 
     def parameter_words(self, name: str) -> str:
         """Which of the link's parameters, and whether those of other links are grouped into it."""

@@ -19,6 +19,7 @@ _OF_DRIVES = {"Ia": "kg m²", "Fv": "N m s/rad", "Fc": "N m", "off": "N m"}
 
 INERTIAL = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 POINT = ("M", "MX", "MY", "MZ")  # of a mass without size
+WHOLE_LINK = "link"  # all of INERTIAL in proportion
 # Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)

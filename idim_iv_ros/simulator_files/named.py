@@ -23,7 +23,7 @@ from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
+from idim_iv_ros.model.parameters import INERTIAL, WHOLE_LINK, body_of, parameters_of
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
 from idim_iv_ros.physical.pseudo_inertia import ReferenceLink, pseudo_inertia, upper_root
@@ -140,7 +140,7 @@ def corrected_model(
             if "gravity_x" in present:  # all of it, where the nominal model's is far from it
                 gravity = np.array([present[f"gravity_{axis}"] for axis in "xyz"])
         elif cause.kind == "parametric":
-            changes = _changes(cause, robot.joints)
+            changes = _changes(cause, robot.joints, given)
             mass = changes.get(f"M{_number(cause, robot.joints)}")
             if part == "load" and mass is not None and mass.value > 0.0:
                 loads.append(_load(cause, changes, len(loads), source))
@@ -151,7 +151,9 @@ def corrected_model(
                     value = given[name] + _round(change)
                     changed[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
     # Changes of the refit's friction by causes that are left out are removed with them.
-    others = [_changes(effect, robot.joints) for effect in left_out if effect.kind == "parametric"]
+    others = [
+        _changes(effect, robot.joints, given) for effect in left_out if effect.kind == "parametric"
+    ]
     for cause in causes:
         joints = [joint for joint in (cause.joint, cause.other_joint) if joint]
         places = [robot.joints.index(joint) + 1 for joint in joints]
@@ -243,16 +245,22 @@ def _number(cause: Cause, joints: Sequence[str]) -> int:
     return joints.index(cause.joint) + 1 if cause.joint else 0
 
 
-def _changes(cause: Cause, joints: Sequence[str]) -> dict[str, EffectParameter]:
+def _changes(
+    cause: Cause, joints: Sequence[str], given: Mapping[str, float]
+) -> dict[str, EffectParameter]:
     """Return the changes of standard parameters by name that the recording determines."""
     number, changes = _number(cause, joints), {}
     for name, parameter in cause.parameters.items():
-        link = re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name)
         if not parameter.std:
             continue
-        if link is not None:
+        kind = BY_NAME[cause.effect].standard_kind(name) if number else ""
+        if link := re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name):
             changes[link[1]] = parameter
-        elif number and (kind := BY_NAME[cause.effect].standard_kind(name)):
+        elif kind == WHOLE_LINK:
+            for part in (f"{letters}{number}" for letters in INERTIAL):
+                std = parameter.std * max(abs(given[part]), 1e-9)
+                changes[part] = EffectParameter(parameter.value * given[part], std, "")
+        elif kind:
             changes[f"{kind}{number}"] = parameter
     return changes
 

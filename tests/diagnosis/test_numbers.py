@@ -20,6 +20,7 @@ from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result.causes import Cause
+from idim_iv_ros.model.parameters import INERTIAL
 from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
@@ -100,6 +101,21 @@ def test_gravity_of_an_arm_on_its_side_is_found_where_the_configuration_has_it_u
     gravity = missing_gravity(data)
     assert gravity is not None
     assert gravity.acceleration == pytest.approx([0.0, 0.0, -9.81], abs=2.0)
+
+
+def test_a_link_that_is_heavier_is_one_number() -> None:
+    """A cover of another material: mass, first moments and inertia of one link in proportion."""
+    arm = arm6(seconds=16.0)
+    data = baseline([recorded(arm, 1)], arm.configuration)
+    model, layout = data.prepared.model, data.prepared.model.regressor.layout
+    of_link = [number.kind in INERTIAL and number.joint == 3 for number in layout.parameters]
+    heavier = 0.25 * np.array(of_link) * layout.vector(model.robot.given)
+    noise = 0.02 * np.array(data.torque_sizes)
+    regression = world(data, 6, change=model.base.grouping @ heavier, noise=noise)
+    (cause,) = causes_of(data, regression)
+    assert (cause.effect, cause.joint) == ("link_inertia", data.joints[3])
+    assert list(cause.parameters) == ["relative_change_of_mass"]
+    assert covers(cause, "relative_change_of_mass", 0.25)
 
 
 def test_friction_level_with_its_size(data: Baseline) -> None:

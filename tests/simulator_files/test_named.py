@@ -186,6 +186,15 @@ def test_numbers_of_a_link_that_are_shown_take_the_others_with_them(tmp_path: Pa
     assert exported[4] == pytest.approx(1.12 * given["XX3"], abs=1e-5)
 
 
+def test_a_link_that_is_heavier_keeps_its_shape(tmp_path: Path) -> None:
+    heavier = parametric("link_inertia", "joint_3", 1e-6, relative_change_of_mass=0.2)
+    arm = case(tmp_path, "arm7", [heavier])
+    made = arm.export(tmp_path / "out", refit=False)
+    exported = pin.buildModelFromUrdf(str(made.urdf)).inertias[3].toDynamicParameters()
+    given = arm.model.robot.given.inertial[2]
+    np.testing.assert_allclose(exported, 1.2 * given, rtol=1e-5, atol=1e-9)
+
+
 def test_friction_beside_an_effect_of_friction_goes_with_it(tmp_path: Path) -> None:
     planted = structural("stribeck", "joint_2", excess=1.0, speed=0.2)
     arm = case(tmp_path, "arm2", [planted, friction("joint_2")])
