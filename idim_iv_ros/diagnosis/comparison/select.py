@@ -190,7 +190,10 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         tried.add(errors)
         this = comparison(errors)
         usual = log_prior_of_errors(errors) / settings.TEMPER
-        value, terms = _grown(this, ())
+        # From nothing, and from what is best so far, which other errors may have led to.
+        starts_of_terms: list[Terms] = [()] if best is None else [(), best[2]]
+        grown = [_grown(this, start) for start in starts_of_terms]
+        value, terms = max(grown, key=itemgetter(0))
         if not _is_full(terms) or best is None or value + usual > best[0] - _WITHIN_RESTARTS:
             value, terms = _restarts(this, (value, terms))
         value += usual
@@ -270,28 +273,27 @@ def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]
 
 
 def _grown(comparison: Comparison, terms: Terms) -> Grown:
-    """The best set on the way from a start: every term tested again, one added, and so on."""
+    """The best set on the way from a start: one term added, every one tested again, and so on."""
     best = comparison.objective(terms), terms
     seen: set[frozenset[object]] = set()
     for _ in range(_ROUNDS):
+        more = None if _is_full(terms) else comparison.best(terms)
+        if more is not None:
+            terms = (*terms, more)
+            best = max(best, (comparison.objective(terms), terms), key=itemgetter(0))
+        if _state(terms) in seen:
+            break
+        seen.add(_state(terms))
         for term in terms if len(terms) > 1 else ():
             number = next((k for k, other in enumerate(terms) if other is term), None)
             if number is None:
                 continue
             others = (*terms[:number], *terms[number + 1 :])
             again = comparison.best(others)
-            if again is not None and again.key == term.key:
+            if again is not None and again.identity == term.identity:
                 continue
             terms = others if again is None else (*others[:number], again, *others[number:])
             best = max(best, (comparison.objective(terms), terms), key=itemgetter(0))
-        if _state(terms) in seen or _is_full(terms):
-            break
-        seen.add(_state(terms))
-        more = comparison.best(terms)
-        if more is None:
-            break
-        terms = (*terms, more)
-        best = max(best, (comparison.objective(terms), terms), key=itemgetter(0))
     return best
 
 
