@@ -100,7 +100,7 @@ def explained(data: Baseline, selection: Selection) -> Explained:
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
-            if explanation.tested.gains[number][0] <= 0.0
+            if not explanation.tested.helps(number, effect.term.place.joint)
         }
         if not idle:
             return explanation

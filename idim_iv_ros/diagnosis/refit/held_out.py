@@ -71,6 +71,11 @@ class HeldOut:
         stage = len(self.stages) - len(self.gains) - 1 + effect
         return gap_of(self.sums[stage][joint], self.sums[stage + 1][joint], floor)
 
+    def helps(self, effect: int, joint: int) -> bool:
+        """Whether an effect takes from the whitened residual, and from the gap at a joint."""
+        gap = self.gap(effect, joint, None)
+        return self.gains[effect][0] > 0.0 and gap.after < gap.before
+
 
 def gap_of(before: FloatArray, after: FloatArray, floor: float | None = None) -> Gap:
     """Gap of two residuals from their `energies` (b, 2), with the interval of its shrinkage."""
