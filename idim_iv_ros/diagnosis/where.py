@@ -48,7 +48,7 @@ def motion_at_rows(data: Baseline, joint: int) -> dict[str, FloatArray]:
     By name: ``time`` (s), ``position`` (rad, m), ``speed``, ``load``, the torque of the rigid
     bodies alone (N m, N), and ``since_reversal``, the distance since the last one (rad, m).
     """
-    slowest = settings.REVERSAL_SPEED * float(data.covered.slowest[joint])
+    slowest = settings.REVERSAL_SPEED * data.covered[joint].slowest
     tables = []
     for motion in data.motions:
         states = motion.position[:, joint], motion.velocity[:, joint]

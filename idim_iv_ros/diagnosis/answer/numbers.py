@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.effect import OperatingRange, Shape
+from idim_iv_ros.effects.effect import JointRange, Shape
 from idim_iv_ros.types import FloatArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
@@ -35,7 +35,7 @@ def parameters_of(
     inner = explanation.fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     numbers = effect.parameters(shape, coefficients, fixed)
-    near = _near(term, shape, data.covered) if effect.free_shape else []
+    near = _near(term, shape, data.covered[term.place.joint]) if effect.free_shape else []
     if not near:
         return numbers
     covariance, further = _with_free_shape(data, explanation, term, block, near)
@@ -76,10 +76,10 @@ def _with_free_shape(
     return covariance - open_share @ covariance, further - open_share @ further
 
 
-def _near(term: Term, shape: Shape, covered: OperatingRange) -> list[Shape]:
+def _near(term: Term, shape: Shape, covered: JointRange) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in term.effect.neighbours(shape, _SHAPE_STEP, term.place, covered):
+    for near in term.effect.neighbours(shape, _SHAPE_STEP, covered):
         pairs = zip(near.numbers, shape.numbers, strict=True)
         moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:

@@ -121,7 +121,7 @@ class Catalogue:
         self.data = data
         model = data.prepared.model
         axes = level_axes(model.robot.gravity)
-        still = {joint for joint in range(len(data.joints)) if too_little(joint, data.covered)}
+        still = {joint for joint, covered in enumerate(data.covered) if too_little(covered)}
         missing = numbers_not_given(data.prepared)
         not_given = frozenset((kind, joint) for kind, joint in missing if joint not in still)
         self.space = ParameterSpace(model, model.given, axes, not_given)
@@ -206,10 +206,11 @@ class Catalogue:
         made = []
         for effect in effects:
             for place in effect.places(len(self.data.joints)):
+                covered = self.data.covered[place.joint]
                 hidden = (effect.name, place.joint) in self._hidden
-                if hidden or cannot_show(effect, place.joint, self.data.covered):
+                if hidden or cannot_show(effect, covered):
                     continue
-                for branch in effect.branches(effect.grid(place, self.data.covered)):
+                for branch in effect.branches(effect.grid(covered)):
                     made += self._of_shapes(kind, effect, place, list(branch))
         return made
 
@@ -274,7 +275,7 @@ class Catalogue:
         assert place is not None and shape is not None
         if not effect.admissible(shape, coefficients):
             return "its numbers have a sign or size that physics excludes"
-        return effect.impossible(shape, coefficients, place.joint, self.data.covered)
+        return effect.impossible(shape, coefficients, self.data.covered[place.joint])
 
 
 def _lines(units: Sequence[FloatArray], changes: Sequence[Change]) -> dict[int, SingleArray]:

@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.likelihood import Columns
-from idim_iv_ros.effects.effect import Shape, StructuralEffect
+from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)  # relative, of the numbers of a shape
@@ -33,19 +33,18 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
 
 def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
     term = terms[number]
-    effect, place = term.candidate.effect, term.candidate.place
-    assert isinstance(effect, StructuralEffect) and place is not None and term.shape is not None
+    effect, covered = term.effect, comparison.catalogue.data.covered[term.place.joint]
+    assert term.shape is not None
     highest = ModelWithTerms(comparison.nominal, tuple(terms)).level
     for step in _STEPS:
         for _ in range(_MOVES):
-            near = effect.neighbours(term.shape, step, place, comparison.catalogue.data.covered)
+            near = effect.neighbours(term.shape, step, covered)
             best = _best_of(comparison, terms, number, near)
             if best is None or best[0] < highest + _LEAST_GAIN:
                 break
             highest, term = best
     while True:
-        longer = effect.longer(term.shape, place, comparison.catalogue.data.covered)
-        best = _best_of(comparison, terms, number, [shape for shape, _ in longer])
+        best = _best_of(comparison, terms, number, effect.longer(term.shape, covered))
         if best is None or best[0] < highest + settings.LEAST_EVIDENCE_OF_TERM:
             return term
         highest, term = best

@@ -10,7 +10,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import EffectParameter, Family
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.waves import WaveEffect, Waves
 from idim_iv_ros.simulation import inverse_dynamics
@@ -28,7 +28,7 @@ class Unnamed(Effect):
     excitation = ""
     signed = True
 
-    def grid(self, place: Place, covered: OperatingRange) -> Sequence[Shape]:
+    def grid(self, covered: JointRange) -> Sequence[Shape]:
         """Return one shape, which has no numbers."""
         return [Shape()]
 
