@@ -275,14 +275,14 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     """Measured torque and that of three models for the figures, one series for each joint."""
     data, fit = refit.data, explanation.fit
     residuals, given = nominal_residuals(data), data.prepared.given
-    made = []
+    blocks, made = explanation.regression.blocks, []
     for joint, name in enumerate(data.joints):
         torque = data.rows[joint].torque
         friction = _friction(refit, joint, fit.values)
-        for number, effect in enumerate(explanation.effects):
+        for effect, block in zip(explanation.effects, blocks, strict=True):
             columns = effect.term.columns
             if effect.term.effect.part == "friction" and joint in columns:
-                friction = friction + columns[joint] @ fit.coefficients[explanation.block(number)]
+                friction = friction + columns[joint] @ fit.coefficients[block]
         made.append(
             GapSeries(
                 joint=name,

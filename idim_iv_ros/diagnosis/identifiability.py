@@ -15,7 +15,6 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
-from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray
 
@@ -40,12 +39,9 @@ class Absorption:
 
     def __init__(self, regression: Regression, noise_models: Sequence[AutoregressiveModel]) -> None:
         self.joints, self._noise_models = regression.extended, noise_models
-        pairs = list(zip(self.joints, noise_models, strict=True))
+        pairs = zip(self.joints, noise_models, strict=True)
         self._model = [noise.standardized(rows.matrix, rows.segments) for rows, noise in pairs]
-        factors = [rows.standardized_r_factor(noise)[:, :-1] for rows, noise in pairs]
-        places = [rows.columns for rows in self.joints]
-        factor = stacked_r_factor(factors, places, regression.total)
-        basis = independent_basis(factor, tolerance=NOT_SHOWN)
+        basis, _ = regression.whitened_basis(noise_models)
         self._root = basis.inverse_root(regression.total)  # R⁻¹
 
     def left(self, columns: Columns) -> tuple[FloatArray, FloatArray]:

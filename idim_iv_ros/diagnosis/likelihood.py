@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
+from idim_iv_ros.estimation.qr import NOT_SHOWN, Basis, independent_basis, stacked_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.types import FloatArray
@@ -68,16 +68,17 @@ class Regression:
         """Return the same with more blocks."""
         return replace(self, added=(*self.added, *blocks))
 
-    @property
-    def widths(self) -> tuple[int, ...]:
-        """Columns of each block."""
-        return tuple(width_of(block) for block in self.added)
+    @cached_property
+    def blocks(self) -> tuple[slice, ...]:
+        """Which of the k added coefficients are those of each block."""
+        ends = np.cumsum([0, *map(width_of, self.added)]).tolist()
+        return tuple(slice(*block) for block in pairwise(ends))
 
     @cached_property
     def extended(self) -> tuple[JointRows, ...]:
         """Rows with all added columns; a joint that no block moves has its own."""
-        starts = self.parameters + np.cumsum([0, *self.widths])
-        places = [np.arange(*ends) for ends in pairwise(starts)]
+        added = np.arange(self.parameters, self.total)
+        places = [added[block] for block in self.blocks]
         made = []
         for joint, rows in enumerate(self.joints):
             pairs = zip(self.added, places, strict=True)
@@ -91,7 +92,7 @@ class Regression:
     @cached_property
     def total(self) -> int:
         """Number of all coefficients: b + k."""
-        return self.parameters + sum(self.widths)
+        return self.parameters + sum(map(width_of, self.added))
 
     def fit(
         self,
@@ -105,12 +106,8 @@ class Regression:
         """
         current = self._first_noise_models() if noise_models is None else tuple(noise_models)
         for step in range(steps + 1):
-            pairs = zip(self.extended, current, strict=True)
-            factors = [rows.standardized_r_factor(noise) for rows, noise in pairs]
-            places = [rows.places for rows in self.extended]
-            factor = stacked_r_factor(factors, places, self.total + 1)
-            basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
-            solution = basis.solve(factor[:, -1], self.total)
+            basis, torque = self.whitened_basis(current)
+            solution = basis.solve(torque, self.total)
             residuals = tuple(rows.residual(solution) for rows in self.extended)
             if step < steps:
                 current = tuple(map(noise_model, self.joints, residuals))
@@ -127,6 +124,16 @@ class Regression:
             residuals=residuals,
             log_likelihoods=np.array(likelihoods),
         )
+
+    def whitened_basis(
+        self, noise_models: Sequence[AutoregressiveModel]
+    ) -> tuple[Basis, FloatArray]:
+        """Orthonormal basis of all whitened columns, and the torque in the same coordinates."""
+        pairs = zip(self.extended, noise_models, strict=True)
+        factors = [rows.standardized_r_factor(noise) for rows, noise in pairs]
+        places = [rows.places for rows in self.extended]
+        factor = stacked_r_factor(factors, places, self.total + 1)
+        return independent_basis(factor[:, :-1], tolerance=NOT_SHOWN), factor[:, -1]
 
     @cached_property
     def fitted(self) -> Fit:

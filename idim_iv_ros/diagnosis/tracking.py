@@ -140,7 +140,7 @@ def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
 def _simulated_effect(data: Baseline, explanation: Explained, number: int) -> SimulatedEffect:
     """One of the effects as the simulator takes it, with the coefficients beside all others."""
     term = explanation.effects[number].term
-    coefficients = explanation.fit.coefficients[explanation.block(number)]
+    coefficients = explanation.fit.coefficients[explanation.regression.blocks[number]]
     numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
     return SimulatedEffect(
         term.effect.name,

@@ -137,8 +137,9 @@ def effect_of(name: str, **numbers: float) -> Any:
 def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(data: Baseline) -> None:
     fit = SimpleNamespace(values=data.estimate.linear.values, coefficients=np.zeros(2))
     effects = (effect_of("no such effect"), effect_of("spring", linear=40.0))
+    regression = SimpleNamespace(blocks=(slice(0, 1), slice(1, 2)))
     explanation: Any = SimpleNamespace(
-        effects=effects, fits=[fit] * 3, fit=fit, block=lambda number: slice(number, number + 1)
+        effects=effects, fits=[fit] * 3, fit=fit, regression=regression
     )
     _, refit, unknown, spring = tracked_stages(data, explanation)
     assert (refit.note, refit.caveat) == ("", "")

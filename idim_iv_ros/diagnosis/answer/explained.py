@@ -78,11 +78,6 @@ class Explained:
         """With all effects."""
         return self.fits[-1]
 
-    def block(self, number: int) -> slice:
-        """Coefficients of one of the effects in a fit with all of them."""
-        start = sum(self.regression.widths[:number])
-        return slice(start, start + self.regression.widths[number])
-
 
 def matters(term: Term) -> bool:
     """Whether what lies outside the catalogue is large enough to be said."""

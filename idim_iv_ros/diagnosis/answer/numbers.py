@@ -29,7 +29,7 @@ def parameters_of(
     data: Baseline, explanation: Explained, number: int
 ) -> dict[str, EffectParameter]:
     """Parameters of one of the effects, with the coefficients that it has beside nominal errors."""
-    term, block = explanation.effects[number].term, explanation.block(number)
+    term, block = explanation.effects[number].term, explanation.regression.blocks[number]
     effect, shape, coefficients = term.effect, term.shape, term.coefficients
     assert shape is not None
     inner = explanation.fit.coefficient_covariance[block, block]

@@ -252,7 +252,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
             continue
         wider, place = fit, -1
         if term in terms:
-            place = sum(regression.widths[: terms.index(term)])
+            place = regression.blocks[terms.index(term)].start
         else:
             wider = regression.with_columns({0: columns[term]}).fit()
         variance = float(wider.coefficient_covariance[place, place])
