@@ -112,17 +112,19 @@ class Regression:
             if step < steps:
                 current = tuple(map(noise_model, self.joints, residuals))
         root = basis.inverse_root(self.total)
-        likelihoods = [
-            0.0 if rows.left_out else _log_likelihood(residual, rows.segments, noise)
-            for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
-        ]
+        likelihoods = np.zeros(len(residuals))
+        for joint, (rows, noise) in enumerate(zip(self.joints, current, strict=True)):
+            if not rows.left_out:
+                energy = np.mean(noise.whiten(residuals[joint], rows.segments) ** 2)
+                variance = np.log(max(float(energy), 1e-300))
+                likelihoods[joint] = -0.5 * len(residuals[joint]) * variance - noise.order
         return Fit(
             values=solution[: self.parameters],
             coefficients=solution[self.parameters :],
             covariance=root @ root.T,
             noise_models=current,
             residuals=residuals,
-            log_likelihoods=np.array(likelihoods),
+            log_likelihoods=likelihoods,
         )
 
     def whitened_basis(
@@ -165,14 +167,6 @@ def noise_model(rows: JointRows, residual: FloatArray) -> AutoregressiveModel:
     model = model.with_white_noise(settings.LEAST_DENSITY)
     variance = float(np.mean(model.whiten(residual, rows.segments) ** 2))
     return replace(model, innovation_variance=variance or 1e-24)
-
-
-def _log_likelihood(
-    residual: FloatArray, segments: Sequence[slice], noise: AutoregressiveModel
-) -> float:
-    """Of one joint with its own innovations, less the order of its noise model."""
-    variance = max(float(np.mean(noise.whiten(residual, segments) ** 2)), 1e-300)
-    return float(-0.5 * len(residual) * np.log(variance)) - noise.order
 
 
 def rms(values: FloatArray) -> float:

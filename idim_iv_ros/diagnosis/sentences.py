@@ -281,11 +281,6 @@ def nonparametric(data: Baseline, term: Term) -> str:
     return f"{text}, {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
 
 
-def likelier_curve(data: Baseline, curve: Term) -> str:
-    """Why an effect is no cause where such a function is likelier in its place."""
-    return f"{nonparametric(data, curve)}, is likelier"
-
-
 def small_nonparametric(data: Baseline, term: Term) -> str:
     """What such a function describes where it is too small to matter."""
     share = 100.0 * float(term.visible[term.place.joint])

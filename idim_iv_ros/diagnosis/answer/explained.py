@@ -226,8 +226,9 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
         if term.candidate.kind is not Kind.SIGNAL
     ]
     displaced = [
-        JudgedTerm(term, np.zeros(0), 0.0, "", sentences.likelier_curve(data, curve))
+        JudgedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
         for term, curve in selection.displaced
+        for described in [sentences.nonparametric(data, curve)]
     ]
     if not terms:
         return displaced

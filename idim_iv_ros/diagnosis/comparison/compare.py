@@ -113,7 +113,8 @@ class Comparison:
                 whole[joint] = ledger.share(joint, plain[joint] @ unit)
             visible[joint] = rms(uncovered[joint] @ unit) / size
         if candidate.kind is not Kind.EFFECT:
-            visible = np.where(_taken(others, len(sizes)), visible, whole)
+            taken = [joint for term in others if term.is_effect for joint in term.place.joints]
+            visible = np.where(np.isin(np.arange(len(sizes)), taken), visible, whole)
         return whole, visible
 
     def misfit(self, terms: Sequence[Term]) -> FloatArray:
@@ -357,12 +358,3 @@ def _directions_of(inner: FloatArray, coefficients: FloatArray) -> tuple[FloatAr
     root = vectors[:, seen] / np.sqrt(values[seen])
     energy = (root.T @ (inner @ coefficients)) ** 2
     return root, energy / max(float(energy.sum()), 1e-300)
-
-
-def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
-    """Joints (n_joints,) where a structural effect stands."""
-    there = np.zeros(joints, dtype=bool)
-    for term in terms:
-        if term.is_effect:
-            there[list(term.place.joints)] = True
-    return there

@@ -46,21 +46,12 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
         counted: list[BoolArray] = [number != fold for number in parts]
         fitted = Comparison(comparison.catalogue, NominalErrors(white, nominal.errors))
         keys.append(frozenset(term.key for term in climb(fitted, ())))
-        gains.append(_gains(fitted, selection, counted))
+        terms = selection.terms
+        whole = _loss(fitted, terms, selection, counted)
+        without = [(*terms[:k], *terms[k + 1 :]) for k in range(len(terms))]
+        gains.append([_loss(fitted, others, selection, counted) - whole for others in without])
         del fitted  # before the next one is made
     return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
-
-
-def _gains(fitted: Comparison, selection: Selection, counted: list[BoolArray]) -> FloatArray:
-    """What each term brings in the prediction of the rows that are not counted, (terms,)."""
-    terms = selection.terms
-    whole = _loss(fitted, terms, selection, counted)
-    return np.array(
-        [
-            _loss(fitted, (*terms[:k], *terms[k + 1 :]), selection, counted) - whole
-            for k in range(len(terms))
-        ]
-    )
 
 
 def _loss(
