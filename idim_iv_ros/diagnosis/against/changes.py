@@ -5,13 +5,13 @@ interval: a wrong number that looks certain. So within one set numbers may diffe
 recording, beside the effects that all of them have.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
@@ -62,7 +62,7 @@ def changes_between(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Cha
         for term, gains in zip(selection.terms, chosen.gains.T, strict=True):
             if term.candidate.scope is None:
                 continue
-            times = sum(_has(keys, term) for keys in chosen.keys)
+            times = chosen.times(term)
             often = times >= len(chosen.keys) - 1 and float(gains.sum()) > 0.0
             matters = often and float(term.whole.max()) >= settings.LEAST_SHARE
             (accepted if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
@@ -86,13 +86,6 @@ def quarters(data: Baseline, ledger: Ledger) -> IntArray:
     folds = int(settings.FOLDS)
     turn = np.where(blocks_of < folds, recording, 0)  # short ones take turns
     return np.asarray((place * folds // np.maximum(blocks_of, folds) + turn) % folds)
-
-
-def _has(keys: Collection[Key], term: Term) -> bool:
-    """Whether a set has a term or a rival of it, for some of its recordings at least."""
-    names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
-    scope = term.candidate.scope or frozenset()
-    return any(key[:3] in names and scope & (key[3] or frozenset()) for key in keys)
 
 
 def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArray:

@@ -25,9 +25,18 @@ class Chosen:
     gains: FloatArray
 
     def times(self, term: Term) -> int:
-        """In how many folds a term, or a rival of its set, is chosen."""
-        names = {key for key, _ in term.rivals} | {term.key}
-        return sum(bool(names & keys) for keys in self.keys)
+        """In how many folds a term, or a rival of its set, is chosen.
+
+        Of a term of some recordings it is enough to be chosen for one of them.
+        """
+        names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
+        scope = term.candidate.scope
+
+        def is_in(keys: frozenset[Key]) -> bool:
+            there = [key for key in keys if key[:3] in names]
+            return any(scope is None or scope & (key[3] or frozenset()) for key in there)
+
+        return sum(map(is_in, self.keys))
 
 
 def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen:
