@@ -465,8 +465,9 @@ def allowed(
 ) -> bool:
     none = np.zeros(space.size)
     estimates = [
-        Estimated(Change(name, "", none), value, None if name == unknown else std)
+        Estimated(Change(name, "", none), value, std)
         for name, value in numbers.items()
+        if name != unknown
     ]
     return Payload().admissible(space, space.joints - 1, estimates)
 
