@@ -119,13 +119,13 @@ def tracking_series(
     return tuple(made)
 
 
-def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
+def tracked_stages(explanation: Explained) -> list[Tracking]:
     """Tracking of the nominal model, of the refit, and of that with one effect more each time."""
-    given = data.prepared.given
+    data, given = explanation.data, explanation.data.prepared.given
     tracked = [] if given is None else [simulated_tracking(data, given)]
     effects: list[SimulatedEffect] = []
     for number, fit in enumerate(explanation.fits):
-        effects += [_simulated_effect(data, explanation, number - 1)] if number > 0 else []
+        effects += [_simulated_effect(explanation, number - 1)] if number > 0 else []
         tracked.append(simulated_tracking(data, fit.values, effects))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.
@@ -137,16 +137,16 @@ def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
     return tracked
 
 
-def _simulated_effect(data: Baseline, explanation: Explained, number: int) -> SimulatedEffect:
+def _simulated_effect(explanation: Explained, number: int) -> SimulatedEffect:
     """One of the effects as the simulator takes it, with the coefficients beside all others."""
-    term = explanation.effects[number].term
+    term, joints = explanation.effects[number].term, explanation.data.joints
     coefficients = explanation.fit.coefficients[explanation.regression.blocks[number]]
     numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
     return SimulatedEffect(
         term.effect.name,
-        data.joints[term.place.joint],
+        joints[term.place.joint],
         {name: parameter.value for name, parameter in numbers.items()},
-        None if term.place.other is None else data.joints[term.place.other],
+        None if term.place.other is None else joints[term.place.other],
     )
 
 

@@ -33,12 +33,12 @@ def data() -> Baseline:
 
 def explanation_of(data: Baseline, regression: Regression) -> Explained:
     other = replace(data, regression=regression)
-    return explained(other, select(Catalogue(other), torque_ledger(other)))
+    return explained(select(Catalogue(other), torque_ledger(other)))
 
 
 def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
     """Parametric causes of a world."""
-    return parametric_causes(data, explanation_of(data, regression))[0]
+    return parametric_causes(explanation_of(data, regression))[0]
 
 
 def names(causes: list[Cause]) -> list[tuple[str, str | None]]:
@@ -77,8 +77,8 @@ def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
         regression = world(data, seed)
         explanation = explanation_of(data, regression)
         assert (explanation.effects, explanation.numbers) == ((), ())
-        assert parametric_causes(data, explanation)[0] == []
-        assert unexplained(data, explanation) is None
+        assert parametric_causes(explanation)[0] == []
+        assert unexplained(explanation) is None
         assert missing_gravity(data) is None
 
 
@@ -180,7 +180,7 @@ def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
     bare.write_text(re.sub("<dynamics [^>]*/>", "", text))
     data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))
     explanation = explanation_of(data, data.regression)
-    causes = parametric_causes(data, explanation)[0]
+    causes = parametric_causes(explanation)[0]
     assert explanation.effects == ()
     assert sorted(names(causes)) == [("friction_level", joint) for joint in data.joints]
     for cause in causes:

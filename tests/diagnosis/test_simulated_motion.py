@@ -139,9 +139,9 @@ def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(data: Baseli
     effects = (effect_of("no such effect"), effect_of("spring", linear=40.0))
     regression = SimpleNamespace(blocks=(slice(0, 1), slice(1, 2)))
     explanation: Any = SimpleNamespace(
-        effects=effects, fits=[fit] * 3, fit=fit, regression=regression
+        data=data, effects=effects, fits=[fit] * 3, fit=fit, regression=regression
     )
-    _, refit, unknown, spring = tracked_stages(data, explanation)
+    _, refit, unknown, spring = tracked_stages(explanation)
     assert (refit.note, refit.caveat) == ("", "")
     assert (unknown.note, unknown.rms) == ("", refit.rms)
     assert "no such effect" in unknown.caveat

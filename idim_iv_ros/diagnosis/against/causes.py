@@ -46,7 +46,7 @@ def torques_of(
 
 def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
-    data, space, made = sets.data, changes.selection.comparison.catalogue.space, []
+    data, space, made = sets.data, changes.selection.catalogue.space, []
     places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
     for term in changes.accepted:
         if term.is_effect:

@@ -118,7 +118,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 
     A change of all recordings of a set and one of a single recording of it add up there.
     """
-    model, space = changes.selection.model, changes.selection.comparison.catalogue.space
+    model, space = changes.selection.model, changes.selection.catalogue.space
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
     for term, block in zip(model.terms, model.blocks, strict=True):
         if term.candidate.kind is Kind.NUMBER and term in changes.accepted:

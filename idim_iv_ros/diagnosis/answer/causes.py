@@ -56,20 +56,20 @@ def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
 
 
 def structural_causes(
-    data: Baseline, explanation: Explained, simulations: Sequence[SimulationGap | None]
+    explanation: Explained, simulations: Sequence[SimulationGap | None]
 ) -> list[Cause]:
     """One cause for each structural effect.
 
     `simulations`: gap of the simulated motion before and after each effect.
     """
-    causes, tested = [], explanation.tested
+    data, tested, causes = explanation.data, explanation.tested, []
     for number, (judgement, simulation) in enumerate(
         zip(explanation.effects, simulations, strict=True)
     ):
         term, place = judgement.term, judgement.term.place
         gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
         gain, helped, folds = tested.gains[number]
-        numbers = parameters_of(data, explanation, number)
+        numbers = parameters_of(explanation, number)
         cause = Cause(
             effect=term.effect.name,
             kind="structural",
@@ -95,16 +95,14 @@ def structural_causes(
     return causes
 
 
-def parametric_causes(
-    data: Baseline, explanation: Explained
-) -> tuple[list[Cause], tuple[ParameterError, ...]]:
+def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[ParameterError, ...]]:
     """One cause for each wrong number, and what parameter errors make of the gap at each joint.
 
     The number that takes most of the gap beside those before it comes first, after what the
     configuration itself leaves out. The gap is that of the nominal model beside the structural
     causes; errors are empty without a nominal model.
     """
-    ledger = explanation.selection.comparison.options.ledger
+    data, ledger = explanation.data, explanation.selection.comparison.options.ledger
     gap = list(ledger.gap)
     for term in (
         *(effect.term for effect in explanation.effects),
@@ -123,7 +121,7 @@ def parametric_causes(
         left = [other for other in left if other is not judgement]
         gap = judgement.term.taken_from(gap)
         after = _rms(gap)
-        causes.append(_parametric_cause(data, explanation, judgement, before, after))
+        causes.append(_parametric_cause(explanation, judgement, before, after))
         before = after
     if data.prepared.given is None:
         return causes, ()
@@ -142,7 +140,6 @@ def _rms(gap: Sequence[FloatArray]) -> FloatArray:
 
 
 def _parametric_cause(
-    data: Baseline,
     explanation: Explained,
     judgement: JudgedTerm,
     before: FloatArray,
@@ -151,8 +148,7 @@ def _parametric_cause(
     """One wrong number, with the gap (n_joints,) before and after it is corrected, N m (N)."""
     term, effect = judgement.term, judgement.term.candidate.effect
     assert isinstance(effect, ParametricEffect)
-    space = explanation.selection.comparison.catalogue.space
-    joint = term.key[1]
+    data, space, joint = explanation.data, explanation.selection.catalogue.space, term.key[1]
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
     if joint is not None and term.candidate.is_not_given(space):
@@ -196,10 +192,9 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
     )
 
 
-def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
+def hints_of(explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
-    made, last = [], explanation.tested.stages[-1]
-    space = explanation.selection.comparison.catalogue.space
+    data, space, made = explanation.data, explanation.selection.catalogue.space, []
     for judgement in explanation.doubtful:
         term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
@@ -207,7 +202,7 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
         joints = [data.joints[joint] for joint in place.joints]
         numbers = data.in_units_at(place.joint, term.parameters(space))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
-        rest = last.torque_rms[joints[0]]
+        rest = explanation.tested.stages[-1].torque_rms[joints[0]]
         made.append(
             Hint(
                 effect=term.key[0],

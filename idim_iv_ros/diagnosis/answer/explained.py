@@ -74,6 +74,11 @@ class Explained:
     floors: tuple[NoiseFloor, ...]
 
     @property
+    def data(self) -> Baseline:
+        """The refit that candidates are added to."""
+        return self.selection.catalogue.data
+
+    @property
     def fit(self) -> Fit:
         """With all effects."""
         return self.fits[-1]
@@ -84,14 +89,14 @@ def matters(term: Term) -> bool:
     return float(term.visible[term.place.joint]) >= settings.LEAST_NONPARAMETRIC
 
 
-def explained(data: Baseline, selection: Selection) -> Explained:
+def explained(selection: Selection) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes.
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judgements = _judged_terms(data, selection)
+    judgements = _judged_terms(selection)
     while True:
-        explanation = _tested(data, selection, judgements)
+        explanation = _tested(selection, judgements)
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
@@ -105,7 +110,7 @@ def explained(data: Baseline, selection: Selection) -> Explained:
         ]
 
 
-def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained:
+def _tested(selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
     judgements = [
         *_without_doubtful(selection, [term for term in judgements if not term.reason]),
@@ -116,6 +121,7 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
     doubtful = tuple(term for term in judgements if term.reason)
+    data, space = selection.catalogue.data, selection.catalogue.space
     regression = data.regression
     fits = [regression.fitted]
     for effect in effects:
@@ -126,7 +132,6 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         *(d.term for d in doubtful if d.term.is_effect and d.outside),
     )
     more = [term.columns for term in outside if matters(term)]
-    space = selection.comparison.catalogue.space
     more += [
         term.columns
         for term in selection.terms
@@ -161,7 +166,7 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
     """Give causes the numbers that they have where what is doubtful is left out."""
     alone = [*(cause.term for cause in causes), *selection.signals]
     terms = together(selection.comparison, alone)
-    catalogue = selection.comparison.catalogue
+    catalogue = selection.catalogue
     made = []
     for cause, term in zip(causes, terms, strict=False):
         reason = catalogue.why_impossible(
@@ -215,7 +220,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     return tuple(made)
 
 
-def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(selection: Selection) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first.
 
     Last those in whose place a free curve is likelier.
@@ -228,12 +233,12 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
     displaced = [
         JudgedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
         for term, curve in selection.displaced
-        for described in [sentences.nonparametric(data, curve)]
+        for described in [sentences.nonparametric(selection.catalogue.data, curve)]
     ]
     if not terms:
         return displaced
     chosen = chosen_without(selection)
-    remaining = _beyond_noise(data, selection)
+    remaining = _beyond_noise(selection)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
@@ -250,8 +255,9 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
     return made + displaced
 
 
-def _beyond_noise(data: Baseline, selection: Selection) -> FloatArray:
+def _beyond_noise(selection: Selection) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
+    data = selection.catalogue.data
     floors = noise_floors(data, data.regression.fitted, repeats_of(data))
     ledger = selection.comparison.options.ledger
     left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
@@ -277,11 +283,12 @@ def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:
     return "", False
 
 
-def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
+def unexplained(explanation: Explained) -> Unexplained | None:
     """Describe the largest residual outside the catalogue; None where there is none.
 
     Where a joint's gap is its noise nothing is unexplained, whatever the shape of the noise.
     """
+    data = explanation.data
     loud = [
         joint
         for joint, floor in enumerate(explanation.floors)
@@ -293,7 +300,7 @@ def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
         joint = largest.place.joint
         # A function that leaves the events takes what follows from them: the law answers.
         both = _events(data, explanation.whole, joint) and _events(data, explanation.fit, joint)
-        return both or _described(data, explanation, largest)
+        return both or _described(explanation, largest)
     events = [
         event for joint in loud if (event := _events(data, explanation.whole, joint)) is not None
     ]
@@ -301,14 +308,14 @@ def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
 
 
 def unexplained_residual(
-    data: Baseline, explanation: Explained, stages: Sequence[Stage]
+    explanation: Explained, stages: Sequence[Stage]
 ) -> list[tuple[int, float, float, float]]:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise).
 
     The largest share first. Less than a percent of the torque is not much, however little the
     nominal model misses; nor is what errors take that no base parameters hold, which no stage has.
     """
-    first, last = stages[0], stages[-1]
+    data, first, last = explanation.data, stages[0], stages[-1]
     missed = []
     for joint, (name, floor) in enumerate(zip(data.joints, explanation.floors, strict=True)):
         rest = last.torque_rms[name]
@@ -325,9 +332,9 @@ def unexplained_residual(
     return sorted(missed, key=lambda joint: -joint[2])
 
 
-def _described(data: Baseline, explanation: Explained, term: Term) -> Unexplained:
+def _described(explanation: Explained, term: Term) -> Unexplained:
     """A term outside the catalogue, with its share of the energy of the whitened residual."""
-    joint = term.place.joint
+    data, joint = explanation.data, term.place.joint
     noise, segments = explanation.whole.noise_models[joint], data.rows[joint].segments
     before, after = (
         float(np.sum(noise.standardized(fit.residuals[joint], segments) ** 2))

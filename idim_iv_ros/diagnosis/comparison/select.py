@@ -52,6 +52,11 @@ class Selection:
     displaced: tuple[tuple[Term, Term], ...] = ()
 
     @property
+    def catalogue(self) -> Catalogue:
+        """What was searched: candidates of which session."""
+        return self.comparison.catalogue
+
+    @property
     def signals(self) -> tuple[Term, ...]:
         """Terms that are errors of signals."""
         return tuple(term for term in self.terms if term.candidate.kind is Kind.SIGNAL)
