@@ -54,9 +54,8 @@ def covers(cause: Cause, name: str, true: float, deviations: float = 3.0) -> boo
 def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
     """Change (b,) of the base parameters: errors of all links, drives and frictions."""
     model = data.prepared.model
-    standard = np.hstack(
-        [errors_of_links(model), errors_of_drives(model, np.array(data.torque_sizes))]
-    )
+    drives = errors_of_drives(model, np.array(data.torque_sizes), model.robot.given)
+    standard = np.hstack([errors_of_links(model), drives])
     change = standard @ (size * np.random.default_rng(seed).standard_normal(standard.shape[1]))
     return np.asarray(model.base.grouping @ change)
 
@@ -68,7 +67,7 @@ def test_errors_of_a_weak_drive_are_as_small_as_the_drive(data: Baseline) -> Non
     other = replace(model, robot=replace(model.robot, given=strong))
     places = [k for k, number in enumerate(layout.parameters) if number.kind == "Fc"]
     for torques, sizes in (([100.0, 2.0], [5.0, 0.1]), ([100.0, 100.0], [5.0, 2.55])):
-        changes = errors_of_drives(other, np.array(torques))
+        changes = errors_of_drives(other, np.array(torques), given)
         np.testing.assert_allclose(np.diag(changes)[places], sizes)
 
 

@@ -111,7 +111,7 @@ def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[Parame
     ):
         gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
-    left, before, causes = [*explanation.numbers, *explanation.not_given], first, []
+    left, before, causes = list(explanation.numbers), first, []
 
     def without(judgement: JudgedTerm) -> float:
         return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / ledger.sizes))

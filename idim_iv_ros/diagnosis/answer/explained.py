@@ -53,18 +53,17 @@ class Explained:
     """What the gap is explained by: causes, and the refit with those that are effects.
 
     `effects`, `numbers`: causes, of structure in the order of the stages, and of the nominal
-    numbers; `not_given`: numbers of which the nominal model says nothing, and that the recording
-    shows; `doubtful`: selected and no causes; `outside`: free curves, and effects that are not
-    adequate: what the catalogue does not explain. `regression`: of the refit, with one block for
-    each of `effects`; `fits`: of the refit, and with the first, the first two … effects; `whole`:
-    with what lies outside the catalogue and matters, and with the numbers that no base parameters
-    hold, too; `tested`: held-out residuals of the stages; `floors`: one for each joint.
+    numbers, last those of which the nominal model says nothing; `doubtful`: selected and no causes;
+    `outside`: free curves, and effects that are not adequate: what the catalogue does not explain.
+    `regression`: of the refit, with one block for each of `effects`; `fits`: of the refit, and with
+    the first, the first two … effects; `whole`: with what lies outside the catalogue and matters,
+    and with the numbers that no base parameters hold, too; `tested`: held-out residuals of the
+    stages; `floors`: one for each joint.
     """
 
     selection: Selection
     effects: tuple[JudgedTerm, ...]
     numbers: tuple[JudgedTerm, ...]
-    not_given: tuple[JudgedTerm, ...]
     doubtful: tuple[JudgedTerm, ...]
     outside: tuple[Term, ...]
     regression: Regression
@@ -137,6 +136,7 @@ def _tested(selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained
         for term in selection.terms
         if term.candidate.kind is Kind.SIGNAL or term.candidate.is_beside_base_parameters(space)
     ]
+    not_given = _not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1])
     repeats = repeats_of(data)
     floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
@@ -150,8 +150,7 @@ def _tested(selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained
     return Explained(
         selection=selection,
         effects=effects,
-        numbers=numbers,
-        not_given=_not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1]),
+        numbers=(*numbers, *not_given),
         doubtful=doubtful,
         outside=outside,
         regression=regression,

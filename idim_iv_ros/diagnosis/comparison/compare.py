@@ -139,18 +139,14 @@ class Comparison:
             term = ranking.first(banned)
             if term is None:
                 return None
-            if self._counts(term, model):
+            # Numbers are exact, shapes are not: visible beyond misfit of its own and of the others.
+            shares = [np.minimum(other.whole, 1.0) for other in model.terms if other.is_effect]
+            others = np.max([np.zeros(len(term.whole)), *shares], axis=0)
+            least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
+            if np.any(term.visible > least):
                 return term
             banned.add(term.key)
         return None
-
-    def _counts(self, term: Term, model: ModelWithTerms) -> bool:
-        """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
-        # Numbers are exact, shapes are not.
-        shares = [np.minimum(other.whole, 1.0) for other in model.terms if other.is_effect]
-        others = np.max([np.zeros(len(term.whole)), *shares], axis=0)
-        least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
-        return bool(np.any(term.visible > least))
 
     def dispersions(
         self,

@@ -230,7 +230,7 @@ class _TermProducts:
             options = nominal.options
             nothing = [np.zeros((len(rows), len(self.score))) for rows in options.ledger.joints]
             rows = [self.white.get(joint, zeros) for joint, zeros in enumerate(nothing)]
-            crossed = nominal.white.with_options(rows)
+            crossed = options.products(nominal.white.noise, rows)
             crossed -= nominal.projected @ self.projected
             self._crossed = {
                 w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])

@@ -49,7 +49,7 @@ def errors_of_links(model: InverseModel) -> FloatArray:
 
 
 def errors_of_drives(
-    model: InverseModel, torque: FloatArray, refit: DynamicParameters | None = None
+    model: InverseModel, torque: FloatArray, refit: DynamicParameters
 ) -> FloatArray:
     """Changes (n_standard, k) that are errors of size one of drive inertia, friction and offsets.
 
@@ -59,12 +59,9 @@ def errors_of_drives(
     nominal model has none at all.
     """
     given = model.robot.given
-    friction = refit if refit is not None and not np.any(given.coulomb) else given
-    slow = refit if refit is not None and not np.any(given.viscous) else given
-    coulomb, viscous = (
-        _at_least_usual(friction.coulomb, torque),
-        _at_least_usual(slow.viscous, torque),
-    )
+    dry = given.coulomb if np.any(given.coulomb) else refit.coulomb
+    slow = given.viscous if np.any(given.viscous) else refit.viscous
+    coulomb, viscous = _at_least_usual(dry, torque), _at_least_usual(slow, torque)
     coupled = np.ones_like(given.coupling_viscous)
     sizes = replace(
         _nothing(given),

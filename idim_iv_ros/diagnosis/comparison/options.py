@@ -135,10 +135,11 @@ class Options:
                 if not self.ledger.joints[joint].left_out:
                     yield joint, first, lines, candidate.width
 
-    def products(self, right: Sequence[FloatArray]) -> FloatArray:
-        """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
+    def products(self, noise: Sequence[RowNoise], right: Sequence[FloatArray]) -> FloatArray:
+        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q) of each joint."""
         made = np.zeros((self.count, right[0].shape[1]))
-        single = [rows.astype(np.float32) if rows.any() else None for rows in right]
+        drawn = self._drawn_back(noise, right)
+        single = [rows.astype(np.float32) if rows.any() else None for rows in drawn]
         for joint, first, table, _ in self._tables():
             rows = single[joint]
             if rows is not None:
@@ -155,13 +156,15 @@ class Options:
         places = [joint.columns for joint in self.ledger.joints]
         for rows, columns in zip(model, places, strict=True):
             normal[np.ix_(columns, columns)] += rows.T @ rows
-        drawn = [rows.astype(np.float32) for rows in self.drawn_back(noise, model)]
+        drawn = [rows.astype(np.float32) for rows in self._drawn_back(noise, model)]
         for joint, first, table, _ in self._tables():
             start = self.first[first]
             shared[start : start + len(table), places[joint]] += table @ drawn[joint]
         return normal, shared
 
-    def drawn_back(self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]) -> list[FloatArray]:
+    def _drawn_back(
+        self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]
+    ) -> list[FloatArray]:
         """Wᵀ rows (r_j, q), of what differs from zero."""
         return [
             one.drawn_back(table, joint.segments) if table.any() else table
@@ -188,14 +191,10 @@ class Whitened:
     shared: FloatArray
     inner: dict[int, FloatArray]
 
-    def with_options(self, rows: Sequence[FloatArray]) -> FloatArray:
-        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q)."""
-        return self.options.products(self.options.drawn_back(self.noise, rows))
-
     @cached_property
     def score(self) -> FloatArray:
         """Products (p,) of all columns with the gap."""
-        return self.with_options([left[:, None] for left in self.gap])[:, 0]
+        return self.options.products(self.noise, [left[:, None] for left in self.gap])[:, 0]
 
     def columns(self, columns: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
         """Columns (r_j, w) with the noise at unit variance, of the rows that count."""
