@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
@@ -93,9 +93,10 @@ def explained(selection: Selection) -> Explained:
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judgements = _judged_terms(selection)
+    repeats = repeats_of(selection.catalogue.data)
+    judgements = _judged_terms(selection, repeats)
     while True:
-        explanation = _tested(selection, judgements)
+        explanation = _tested(selection, judgements, repeats)
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
@@ -109,7 +110,9 @@ def explained(selection: Selection) -> Explained:
         ]
 
 
-def _tested(selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained:
+def _tested(
+    selection: Selection, judgements: Sequence[JudgedTerm], repeats: Sequence[Repeat]
+) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
     judgements = [
         *_without_doubtful(selection, [term for term in judgements if not term.reason]),
@@ -137,7 +140,6 @@ def _tested(selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained
         if term.candidate.kind is Kind.SIGNAL or term.candidate.is_beside_base_parameters(space)
     ]
     not_given = _not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1])
-    repeats = repeats_of(data)
     floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
         data,
@@ -219,7 +221,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     return tuple(made)
 
 
-def _judged_terms(selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first.
 
     Last those in whose place a free curve is likelier.
@@ -237,7 +239,7 @@ def _judged_terms(selection: Selection) -> list[JudgedTerm]:
     if not terms:
         return displaced
     chosen = chosen_without(selection)
-    remaining = _beyond_noise(selection)
+    remaining = _beyond_noise(selection, repeats)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
@@ -254,10 +256,10 @@ def _judged_terms(selection: Selection) -> list[JudgedTerm]:
     return made + displaced
 
 
-def _beyond_noise(selection: Selection) -> FloatArray:
+def _beyond_noise(selection: Selection, repeats: Sequence[Repeat]) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
     data = selection.catalogue.data
-    floors = noise_floors(data, data.regression.fitted, repeats_of(data))
+    floors = noise_floors(data, data.regression.fitted, repeats)
     ledger = selection.comparison.options.ledger
     left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
     shares = []
