@@ -160,8 +160,7 @@ def concluded(
     gaps, findings = where(data, explanation.fits[0], explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], explanation.floors)
-    made = explanation.selection.catalogue.made
-    hidden = not_shown_by_motion(data, structural, noise, made)
+    hidden = not_shown_by_motion(data, structural, noise)
     named = {(cause.effect, cause.joint) for cause in causes}
 
     outside = unexplained(explanation)
