@@ -13,7 +13,6 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
 from idim_iv_ros.diagnosis.result.causes import (
     Cause,
     Evidence,
@@ -163,7 +162,8 @@ def _parametric_cause(
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
     which = list(range(len(data.joints))) if joint is None else [joint]
     one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
-    floor = common_floor([explanation.floors[number] for number in which])
+    noise = [explanation.floors[number].sigma for number in which]
+    floor = None if None in noise else float(np.linalg.norm(np.array(noise, dtype=float)))
     cause = Cause(
         effect=effect.name,
         kind="parametric",

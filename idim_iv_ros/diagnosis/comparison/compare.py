@@ -331,7 +331,7 @@ class _Ranking:
         w, place = int(options.width[option]), options.place[option]
         basis = nominal.basis[w][place]
         plain = nominal.columns(option)
-        left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(w, place))
+        left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(option))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
         keys: dict[Key, float] = {}
         weights = softmax(self.score[list(kept)]).tolist()

@@ -46,7 +46,7 @@ class Nonparametric(Unnamed):
 _VARIABLES: dict[str, tuple[OfMotion, Callable[[JointRange], FloatArray]]] = {
     "speed": (
         lambda motion, joint: np.abs(motion.velocity[:, joint]),
-        lambda covered: _speeds(covered.slowest, covered.fastest),
+        lambda covered: np.append(0.0, np.geomspace(covered.slowest, covered.fastest, 7)),
     ),
     "position": (
         lambda motion, joint: motion.position[:, joint],
@@ -72,10 +72,6 @@ _WEIGHTS: dict[str, OfMotion] = {
     "velocity": lambda motion, joint: motion.velocity[:, joint],
     "side": lambda motion, joint: np.sign(motion.torque[:, joint]),
 }
-
-
-def _speeds(slowest: float, fastest: float) -> FloatArray:
-    return np.concatenate([[0.0], np.geomspace(max(slowest, 1e-3 * fastest), fastest, 7)])
 
 
 class Curve(Nonparametric):

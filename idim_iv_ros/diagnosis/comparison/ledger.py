@@ -83,7 +83,7 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     sizes = data.torque_sizes
     model = data.prepared.model
     if given is None:
-        values = regression.fit().values
+        values = regression.fitted.values
         links = _of_free_size(joints, sizes, np.eye(regression.parameters))
         drives = free_errors = np.zeros((regression.parameters, 0))
     else:

@@ -367,9 +367,7 @@ class ModelWithTerms:
 
     def option_left(self, option: int) -> FloatArray:
         """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""
-        options = self.nominal.options
-        crossed = self.crossed(int(options.width[option]), int(options.place[option]))
-        return self.lines_left(self.nominal.option_lines(option), crossed)
+        return self.lines_left(self.nominal.option_lines(option), self.crossed(option))
 
     def _taken(self, crossed: FloatArray) -> FloatArray:
         """(q, w) coefficients of the terms beside columns with products `crossed` (w, q)."""
@@ -400,7 +398,9 @@ class ModelWithTerms:
             made.append(rest)
         return made
 
-    def crossed(self, width: int, place: int) -> FloatArray:
+    def crossed(self, option: int) -> FloatArray:
         """Products (w, q) of one option, in coefficients of unit size, with the terms."""
-        crossed = [products.crossed(self.nominal)[width][place] for products in self._products]
-        return np.concatenate([np.zeros((width, 0)), *crossed], axis=1)
+        options = self.nominal.options
+        w, place = int(options.width[option]), int(options.place[option])
+        crossed = [products.crossed(self.nominal)[w][place] for products in self._products]
+        return np.concatenate([np.zeros((w, 0)), *crossed], axis=1)
