@@ -78,7 +78,7 @@ class LawChange:
         return {
             term.key[0]: (float(term.coefficients[0]), float(term.deviations[0]))
             for term in self.terms
-            if term.key[3] is None
+            if not term.key[3]
         }
 
     @property

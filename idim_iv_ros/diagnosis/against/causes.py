@@ -32,7 +32,7 @@ def torques_of(
 ) -> tuple[JointTorque, ...]:
     """RMS of their torque in the recordings where they act, at joints where it matters."""
     data, place = sets.data, terms[0].candidate.place
-    inside = recordings or frozenset().union(*(t.candidate.scope or () for t in terms))
+    inside = recordings or frozenset().union(*(t.candidate.scope for t in terms))
     first = None if place is None else data.joints[place.joint]
     sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
     made = [
@@ -168,7 +168,7 @@ def _law_cause(
 ) -> list[ContrastCause]:
     """What one joint is controlled by otherwise in the second set; none where in nothing."""
     change = law_change(rows)
-    differing = [term for term in change.terms if term.key[3] is not None]
+    differing = [term for term in change.terms if term.key[3]]
     if not differing:
         return []
     groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}

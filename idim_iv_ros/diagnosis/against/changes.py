@@ -40,7 +40,7 @@ class Changes:
     @property
     def common(self) -> tuple[Term, ...]:
         """Terms of all recordings."""
-        return tuple(term for term in self.selection.model.terms if term.candidate.scope is None)
+        return tuple(term for term in self.selection.model.terms if not term.candidate.scope)
 
 
 def changes_between(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Changes:
@@ -57,17 +57,17 @@ def changes_between(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Cha
     selection = select(catalogue, replace(ledger, gap=tuple(gap)))
     accepted: dict[Term, str] = {}
     doubtful: dict[Term, str] = {}
-    if any(term.candidate.scope is not None for term in selection.terms):
+    if any(term.candidate.scope for term in selection.terms):
         chosen = chosen_without(selection, quarters(data, ledger))
         for term, gains in zip(selection.terms, chosen.gains.T, strict=True):
-            if term.candidate.scope is None:
+            if not term.candidate.scope:
                 continue
             times = chosen.times(term)
             often = times >= len(chosen.keys) - 1 and float(gains.sum()) > 0.0
             matters = often and float(term.whole.max()) >= settings.LEAST_SHARE
             (accepted if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
     for curve in selection.curves:
-        if curve.candidate.scope is not None:
+        if curve.candidate.scope:
             (accepted if curve.presence >= settings.PRESENCE else doubtful)[curve] = ""
     return Changes(selection, accepted, doubtful)
 
@@ -126,7 +126,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
     made = []
     for (_, joint), parts in places.items():
         groups: dict[tuple[int, ...], list[int]] = {}
-        scopes = [term.candidate.scope or frozenset() for term, _ in parts]
+        scopes = [term.candidate.scope for term, _ in parts]
         for recording in sorted(frozenset().union(*scopes)):
             there = tuple(k for k, scope in enumerate(scopes) if recording in scope)
             groups.setdefault(there, []).append(recording)

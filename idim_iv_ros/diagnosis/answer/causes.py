@@ -47,7 +47,7 @@ def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
     notes = []
     for term in terms:
         effect = term.candidate.effect
-        if isinstance(effect, SignalError) and term.shape is not None:
+        if isinstance(effect, SignalError):
             joint = joints[term.place.joint]
             said = effect.note(joint, term.shape, term.coefficients, term.deviations)
             notes.append(said and said + sentences.or_else(rivals_of(joints, [term])))

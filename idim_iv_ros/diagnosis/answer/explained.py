@@ -20,6 +20,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_fl
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
+from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
@@ -198,12 +199,12 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
         evidence = 0.5 * float(values @ np.linalg.pinv(spread) @ values)
         deviations = np.sqrt(np.diag(spread))
         small = whole.max() < settings.LEAST_SHARE or evidence < settings.LEAST_SUPPORT
-        if small or comparison.catalogue.why_impossible(candidate, None, values, deviations):
+        if small or comparison.catalogue.why_impossible(candidate, Shape(), values, deviations):
             continue
         term = Term(
             candidate=candidate,
             option=0,
-            shape=None,
+            shape=Shape(),
             columns=columns,
             coefficients=values,
             deviations=deviations,

@@ -29,7 +29,6 @@ def parameters_of(explanation: Explained, number: int) -> dict[str, EffectParame
     """Parameters of one of the effects, with the coefficients that it has beside nominal errors."""
     term, block = explanation.effects[number].term, explanation.regression.blocks[number]
     effect, shape, coefficients = term.effect, term.shape, term.coefficients
-    assert shape is not None
     inner = explanation.fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     numbers = effect.parameters(shape, coefficients, fixed)
@@ -55,7 +54,6 @@ def _with_free_shape(
     """
     term, block = explanation.effects[number].term, explanation.regression.blocks[number]
     effect, shape, fit, data = term.effect, term.shape, explanation.fit, explanation.data
-    assert shape is not None
     # Of the torque that the fit leaves to the model, as `knee` has it.
     own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
     here, *moved = rows_of(own_torque, effect, term.place, [shape, *near])

@@ -25,8 +25,8 @@ from idim_iv_ros.effects.parametric_effect import (
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.types import BoolArray, FloatArray, SingleArray
 
-Scope = frozenset[int]  # recordings
-Key = tuple[str, int | None, int | None, Scope | None]
+Scope = frozenset[int]  # recordings in which something acts; empty: all
+Key = tuple[str, int | None, int | None, Scope]
 _LARGEST = 1e12  # N m of a unit coefficient: no hardware
 
 
@@ -43,10 +43,10 @@ class Kind(Enum):
 class Candidate:
     """One effect at one place, with all shapes of one width that are tried.
 
-    `place`: None where a number belongs to no joint; `shapes`: one for each option; a number has
-    none and one option, and `changes`; `lines`: torque of unit coefficients by joint, N m, (options
-    × width, r_j): the columns of one option after those of the option before; `width`: columns of
-    an option; `scope`: recordings in which it acts; None: all.
+    `place`: None where a number belongs to no joint; `shapes`: one for each option; that of a
+    number, which has `changes`, has no numbers of its own; `lines`: torque of unit coefficients by
+    joint, N m, (options × width, r_j): the columns of one option after those of the option before;
+    `width`: columns of an option.
     """
 
     kind: Kind
@@ -56,7 +56,7 @@ class Candidate:
     changes: tuple[Change, ...]
     lines: dict[int, SingleArray]
     width: int
-    scope: Scope | None = None
+    scope: Scope = frozenset()
 
     @property
     def key(self) -> Key:
@@ -80,11 +80,6 @@ class Candidate:
     def is_beside_base_parameters(self, space: ParameterSpace) -> bool:
         """Whether no base parameters make up for this number, such as a tilt of gravity."""
         return any(change.direction[len(space.given) :].any() for change in self.changes)
-
-    @property
-    def options(self) -> int:
-        """How many shapes there are."""
-        return max(len(self.shapes), 1)
 
     @cached_property
     def ranges(self) -> dict[tuple[type[Shape], int], tuple[FloatArray, FloatArray]]:
@@ -180,7 +175,7 @@ class Catalogue:
         effect, place, scope = candidate.effect, candidate.place, candidate.scope
         assert not isinstance(effect, ParametricEffect) and place is not None
         made = rows_of(self.data, effect, place, shapes)
-        if scope is None:
+        if not scope:
             return made
         return [
             {joint: rows * self._inside(joint, scope)[:, None] for joint, rows in columns.items()}
@@ -237,17 +232,15 @@ class Catalogue:
                     lines = _lines(units, variant)
                     if lines:
                         place = None if joint is None else Place(joint)
-                        changes = tuple(variant)
-                        width = len(changes)
-                        made.append(
-                            Candidate(Kind.NUMBER, effect, place, (), changes, lines, width)
-                        )
+                        changes, shapes = tuple(variant), (Shape(),)
+                        kind, width = Kind.NUMBER, len(changes)
+                        made.append(Candidate(kind, effect, place, shapes, changes, lines, width))
         return made
 
     def why_impossible(
         self,
         candidate: Candidate,
-        shape: Shape | None,
+        shape: Shape,
         coefficients: FloatArray,
         deviations: FloatArray,
     ) -> str:
@@ -257,7 +250,7 @@ class Catalogue:
             estimates = candidate.estimates(coefficients, deviations)
             fits = effect.admissible(self.space, candidate.key[1], estimates)
             return "" if fits else "its numbers are those of no arm"
-        assert place is not None and shape is not None
+        assert place is not None
         if not effect.admissible(shape, coefficients):
             return "its numbers have a sign or size that physics excludes"
         return effect.impossible(shape, coefficients, self.data.covered[place.joint])

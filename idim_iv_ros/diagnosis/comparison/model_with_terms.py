@@ -40,7 +40,7 @@ class Term:
 
     candidate: Candidate
     option: int
-    shape: Shape | None
+    shape: Shape
     columns: dict[int, FloatArray]
     coefficients: FloatArray
     deviations: FloatArray

@@ -22,7 +22,7 @@ class Prior:
     """Prior probability of every option: of its effect, its place, its shape."""
 
     def __init__(self, options: "Options") -> None:
-        names: dict[tuple[str, Scope | None], list[int]] = {}
+        names: dict[tuple[str, Scope], list[int]] = {}
         weight = np.zeros(len(options.keys))
         for number, key in enumerate(options.keys):
             first = options.candidates[options.candidate[options.key == number][0]]
@@ -58,9 +58,9 @@ class Options:
     def __init__(self, ledger: Ledger, candidates: Sequence[Candidate]) -> None:
         self.ledger, self.candidates = ledger, tuple(candidates)
         self.candidate: IntArray = np.repeat(
-            np.arange(len(candidates)), [c.options for c in candidates]
+            np.arange(len(candidates)), [len(c.shapes) for c in candidates]
         )
-        self.shape = np.concatenate([np.arange(c.options) for c in candidates]).astype(int)
+        self.shape = np.concatenate([np.arange(len(c.shapes)) for c in candidates]).astype(int)
         self.width = np.array([candidates[int(c)].width for c in self.candidate])
         self.first = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(int)
         self.count = int(self.width.sum())
@@ -94,10 +94,10 @@ class Options:
             model.append(flat.standardized(rows.matrix, rows.segments))
         return self.inner_products(noise)[0], *self.products_with_model(model, noise)
 
-    def named(self, option: int) -> tuple[Candidate, Shape | None]:
-        """Candidate of an option, and its shape if it has one."""
+    def named(self, option: int) -> tuple[Candidate, Shape]:
+        """Candidate and shape of an option."""
         candidate = self.candidates[self.candidate[option]]
-        return candidate, candidate.shapes[self.shape[option]] if candidate.shapes else None
+        return candidate, candidate.shapes[self.shape[option]]
 
     def inner_products(
         self, noise: Sequence[RowNoise], parts: Sequence[IntArray] | None = None

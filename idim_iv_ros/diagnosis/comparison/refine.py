@@ -22,7 +22,7 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the shapes about theirs that are likeliest, all coefficients fitted together."""
     kept = list(terms)
     for number, term in enumerate(kept):
-        if term.shape is not None and term.shape.numbers:
+        if term.shape.numbers:
             kept[number] = _refined(comparison, kept, number)
     kept = [
         comparison.weighed(term, [*kept[:number], *kept[number + 1 :]])
@@ -34,7 +34,6 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
 def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
     term = terms[number]
     effect, covered = term.effect, comparison.catalogue.data.covered[term.place.joint]
-    assert term.shape is not None
     highest = ModelWithTerms(comparison.nominal, tuple(terms)).level
     for step in _STEPS:
         for _ in range(_MOVES):

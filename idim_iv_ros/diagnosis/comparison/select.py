@@ -137,7 +137,7 @@ def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
         columns = [
             candidate.lines[joint][-candidate.width :]
             for candidate in catalogue.candidates
-            if candidate.kind is Kind.CURVE and candidate.scope is None and joint in candidate.lines
+            if candidate.kind is Kind.CURVE and not candidate.scope and joint in candidate.lines
         ]
         if not columns or rows.left_out:
             continue
