@@ -89,6 +89,7 @@ def ledger_of_rows(
         drive_errors=np.zeros((matrix.shape[1], 0)),
         free_errors=np.zeros((matrix.shape[1], 0)),
         blocks=(np.arange(len(rest)) * _BLOCKS // len(rest),),
+        unsampled=(np.zeros(len(rest)),),
         nominal=False,
     )
 
