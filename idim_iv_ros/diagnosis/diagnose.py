@@ -200,7 +200,7 @@ def concluded(
     notes = [
         refit.shift.sentence,
         *signal_notes(data.joints, explanation.selection.terms),
-        refit.turning and refit.turning.sentence(data.joints),
+        refit.turning.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
         *(sentences.transmission(measured.result) for measured in transmissions),
         *excluded,
@@ -263,7 +263,7 @@ def concluded(
         kinematics=kinematics_digest(prepared.model.robot),
         parameter_errors=errors,
         signal_chain=replace(refit.shift.chain, law_speed=speed),
-        friction_leads={} if refit.turning is None else refit.turning.soft_leads(data.joints),
+        friction_leads=refit.turning.soft_leads(data.joints),
         recordings=recordings,
         transmissions=tuple(measured.result for measured in transmissions),
         twists=tuple(m.series for m in transmissions if m.series is not None),

@@ -105,7 +105,7 @@ def contrast_of(
         *(
             f"{name}: {refit.turning.sentence(data.joints)}"
             for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
-            if refit.turning is not None and refit.turning.soft
+            if refit.turning.soft
         ),
         "the recordings of the second set do not agree and were compared apart: "
         f"{'; '.join(', '.join(group) for group in groups)}"
