@@ -203,7 +203,6 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
             continue
         term = Term(
             candidate=candidate,
-            option=0,
             shape=Shape(),
             columns=columns,
             coefficients=values,

@@ -343,7 +343,6 @@ class _Ranking:
         lines = {joint: table @ inverse for joint, table in plain.items()}
         return Term(
             candidate=candidate,
-            option=int(options.shape[option]),
             shape=shape,
             columns=lines,
             coefficients=coefficients,

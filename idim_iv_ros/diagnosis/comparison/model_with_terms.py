@@ -28,18 +28,16 @@ _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as go
 class Term:
     """One option in a model.
 
-    `option`: place of its `shape` among the candidate's; `columns` (r_j, w): torque of unit
-    coefficients, N m; `basis` (w, w): coefficients of a torque of unit size; `size`: share of the
-    torque, root of the mean over its joints; `log_prior`: of this option; `evidence`: logarithm of
-    the Bayes factor against misfit, when it was accepted; `presence`: posterior probability against
-    nothing, before calibration; `whole`, `visible` (n_joints,): share of the torque that it has,
-    and that counts beside errors and other terms; `rivals`: other effects and places with their
-    weights, together with its own one; `dispersion`: variance of its score over blocks of time over
-    that of the model.
+    `columns` (r_j, w): torque of unit coefficients, N m; `basis` (w, w): coefficients of a torque
+    of unit size; `size`: share of the torque, root of the mean over its joints; `log_prior`: of
+    this option; `evidence`: logarithm of the Bayes factor against misfit, when it was accepted;
+    `presence`: posterior probability against nothing, before calibration; `whole`, `visible`
+    (n_joints,): share of the torque that it has, and that counts beside errors and other terms;
+    `rivals`: other effects and places with their weights, together with its own one; `dispersion`:
+    variance of its score over blocks of time over that of the model.
     """
 
     candidate: Candidate
-    option: int
     shape: Shape
     columns: dict[int, FloatArray]
     coefficients: FloatArray
@@ -98,9 +96,9 @@ class Term:
         ]
 
     @property
-    def identity(self) -> tuple[object, ...]:
+    def identity(self) -> tuple[int, Shape]:
         """Candidate and shape."""
-        return (id(self.candidate), self.option, self.shape)
+        return id(self.candidate), self.shape
 
     @property
     def prior_root(self) -> FloatArray:

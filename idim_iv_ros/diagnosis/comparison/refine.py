@@ -63,7 +63,6 @@ def _best_of(
         other = replace(
             term,
             shape=shape,
-            option=-1,
             columns=dict(columns),
             basis=_unit_torque(comparison, columns) if width != term.width else term.basis,
             coefficients=np.zeros(width),
