@@ -157,7 +157,7 @@ def concluded(
     hints = hints_of(explanation)
 
     watch.stage("where", 0.95)
-    gaps, findings = where(data, explanation.fits[0], explanation.floors)
+    gaps, findings = where(data, explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], explanation.floors)
     hidden = not_shown_by_motion(data, structural, noise)
@@ -255,7 +255,7 @@ def concluded(
         ),
         stages=stages,
         series=_series(explanation),
-        tracking=tracking_series(data, tracked[0], tracked[-1]),
+        tracking=tracking_series(tracked[0], tracked[-1]),
         notes=tuple(dict.fromkeys(note for note in notes if note)),
         extended_parameters={name: EffectParameter(*number) for name, *number in fitted},
         physical=physical,
