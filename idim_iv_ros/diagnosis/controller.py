@@ -76,9 +76,9 @@ class LawChange:
     def changes(self) -> dict[str, tuple[float, float]]:
         """(value, std) of each group that differs in all rows."""
         return {
-            term.key[0]: (float(term.coefficients[0]), float(term.deviations[0]))
+            term.key.effect: (float(term.coefficients[0]), float(term.deviations[0]))
             for term in self.terms
-            if not term.key[3]
+            if not term.key.scope
         }
 
     @property

@@ -117,7 +117,7 @@ def _of_terms(
     times = min(changes.accepted[term] for term in terms)
     return _cause(
         sets,
-        terms[0].key[0],
+        terms[0].key.effect,
         evidence=Evidence(statistic, chosen_in_folds=times),
         indistinguishable_from=others,
         torques=torques,
@@ -168,13 +168,13 @@ def _law_cause(
 ) -> list[ContrastCause]:
     """What one joint is controlled by otherwise in the second set; none where in nothing."""
     change = law_change(rows)
-    differing = [term for term in change.terms if term.key[3]]
+    differing = [term for term in change.terms if term.key.scope]
     if not differing:
         return []
     groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
     command = np.zeros(len(rows.rest))
     for term in differing:
-        name, value = term.key[0], float(term.coefficients[0])
+        name, value = term.key.effect, float(term.coefficients[0])
         common, std = change.changes.get(name, (0.0, 0.0))
         groups[0][name] = common, std
         groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))

@@ -147,7 +147,7 @@ def _parametric_cause(
     """One wrong number, with the gap (n_joints,) before and after it is corrected, N m (N)."""
     term, effect = judgement.term, judgement.term.candidate.effect
     assert isinstance(effect, ParametricEffect)
-    data, space, joint = explanation.data, explanation.selection.catalogue.space, term.key[1]
+    data, space, joint = explanation.data, explanation.selection.catalogue.space, term.key.joint
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
     if joint is not None and term.candidate.is_not_given(space):
@@ -205,10 +205,10 @@ def hints_of(explanation: Explained) -> tuple[Hint, ...]:
         rest = explanation.tested.stages[-1].torque_rms[joints[0]]
         made.append(
             Hint(
-                effect=term.key[0],
+                effect=term.key.effect,
                 joint=joints[0],
                 other_joint=joints[1] if len(joints) > 1 else None,
-                sentence=sentences.hint(term.key[0], joints, numbers, judgement.reason),
+                sentence=sentences.hint(term.key.effect, joints, numbers, judgement.reason),
                 reason=judgement.reason,
                 probability=judgement.too_unsure,
                 parameters=numbers,

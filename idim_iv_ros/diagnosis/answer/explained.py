@@ -246,11 +246,11 @@ def _judged_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Judge
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
         reason, outside = _why_no_cause(term, beyond)
-        whole = of_set(values, term.key[0])
+        whole = of_set(values, term.key.effect)
         unsure = whole if not reason and whole < settings.LEAST_PROBABILITY else None
         if unsure is not None:
             reason = sentences.too_unsure(unsure, times)
-        odds = probability(values, term.key[0])
+        odds = probability(values, term.key.effect)
         made.append(JudgedTerm(term, values, odds, times, reason, outside, unsure))
     made.sort(key=lambda judgements: -float(judgements.term.visible.max()))
     return made + displaced

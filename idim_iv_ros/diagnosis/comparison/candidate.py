@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,16 @@ from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.types import BoolArray, FloatArray, SingleArray
 
 Scope = frozenset[int]  # recordings in which something acts; empty: all
-Key = tuple[str, int | None, int | None, Scope]
 _LARGEST = 1e12  # N m of a unit coefficient: no hardware
+
+
+class Key(NamedTuple):
+    """Name of an effect, the joints of its place if it has one, and where it acts."""
+
+    effect: str
+    joint: int | None
+    other: int | None
+    scope: Scope
 
 
 class Kind(Enum):
@@ -61,9 +70,8 @@ class Candidate:
     @property
     def key(self) -> Key:
         """Effect, place and scope, whatever the shape."""
-        if self.place is None:
-            return self.effect.name, None, None, self.scope
-        return self.effect.name, self.place.joint, self.place.other, self.scope
+        joint, other = (None, None) if self.place is None else (self.place.joint, self.place.other)
+        return Key(self.effect.name, joint, other, self.scope)
 
     def estimates(self, values: FloatArray, deviations: FloatArray) -> list[Estimated]:
         """Changes of a number with their values and deviations (w,)."""
@@ -248,7 +256,7 @@ class Catalogue:
         effect, place = candidate.effect, candidate.place
         if isinstance(effect, ParametricEffect):
             estimates = candidate.estimates(coefficients, deviations)
-            fits = effect.admissible(self.space, candidate.key[1], estimates)
+            fits = effect.admissible(self.space, candidate.key.joint, estimates)
             return "" if fits else "its numbers are those of no arm"
         assert place is not None
         if not effect.admissible(shape, coefficients):

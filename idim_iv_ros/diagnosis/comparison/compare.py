@@ -61,7 +61,7 @@ class Comparison:
         """
         effects = [term for term in terms if term.is_effect]
         forms = {
-            (curve.name, *term.key[1:])
+            term.key._replace(effect=curve.name)
             for term in (effects if replaced is None else [*effects, replaced])
             for curve in NONPARAMETRIC
             if is_form_of(curve, term.effect)

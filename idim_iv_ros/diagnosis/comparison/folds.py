@@ -34,7 +34,7 @@ class Chosen:
 
         def is_in(keys: frozenset[Key]) -> bool:
             there = [key for key in keys if key[:3] in names]
-            return any(not scope or scope & key[3] for key in there)
+            return any(not scope or scope & key.scope for key in there)
 
         return sum(map(is_in, self.keys))
 

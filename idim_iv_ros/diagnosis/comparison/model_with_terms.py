@@ -80,7 +80,7 @@ class Term:
         effect = self.candidate.effect
         if isinstance(effect, ParametricEffect):
             estimates = self.candidate.estimates(self.coefficients, self.deviations)
-            return effect.parameters(space, self.key[1], estimates)
+            return effect.parameters(space, self.key.joint, estimates)
         return effect.parameters(self.shape, self.coefficients, self.deviations)
 
     @property

@@ -28,7 +28,8 @@ class Prior:
             first = options.candidates[options.candidate[options.key == number][0]]
             curve = first.kind is Kind.CURVE
             weight[number] = settings.PRIOR_OF_CURVE if curve else first.effect.prior_weight
-            names.setdefault(("a free curve" if curve else key[0], key[3]), []).append(number)
+            name = "a free curve" if curve else key.effect
+            names.setdefault((name, key.scope), []).append(number)
         for numbers in names.values():
             weight[numbers] /= len(numbers)
         weight *= (1.0 - _NOTHING) / weight.sum()

@@ -283,7 +283,7 @@ def _chosen(
     selection = select(NamedColumns(columns, acts_with={RATE: LOAD}), ledger)
     odds = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
     kept = supported(selection.comparison, selection.terms, odds)
-    by_name = {term.key[0]: term for term in kept}
+    by_name = {term.key.effect: term for term in kept}
     if LOAD not in by_name:
         by_name.pop(RATE, None)
     return selection, {name: by_name[name] for name in columns if name in by_name}
