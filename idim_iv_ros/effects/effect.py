@@ -1,9 +1,8 @@
 """What every structural effect declares about itself: physics that the nominal model lacks."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, Literal, TypeVar
+from typing import Any, ClassVar, Generic, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -138,9 +137,9 @@ class StructuralEffect(Cause, Generic[S]):
         """Joints or pairs of joints at which the effect may act; all joints by default."""
         return [Place(joint) for joint in range(joints)]
 
-    @abstractmethod
     def grid(self, covered: JointRange) -> Sequence[S]:
-        """Shapes with which the search begins."""
+        """Shapes with which the search begins; by default one, without numbers."""
+        return cast(Sequence[S], [Shape()])
 
     def branches(self, grid: Sequence[S]) -> list[Sequence[S]]:
         """Parts of the grid that are searched apart, for shapes of different kinds."""
