@@ -56,8 +56,8 @@ def collect(folder: Path) -> list[dict[str, Any]]:
     joints = refit.data.joints
     return [
         {
-            "effect": candidate.term.key[0],
-            "joint": None if candidate.term.key[1] is None else joints[candidate.term.key[1]],
+            "effect": candidate.term.key.effect,
+            "joint": None if candidate.term.key.joint is None else joints[candidate.term.key.joint],
             "features": candidate.features.tolist(),
         }
         for candidate in (*comparison.effects, *comparison.numbers, *comparison.doubtful)

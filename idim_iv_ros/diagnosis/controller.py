@@ -73,21 +73,12 @@ class LawChange:
         return self.rows.lag + float(part @ model.errors), spread**0.5
 
     @property
-    def is_likely(self) -> bool:
-        """Whether errors of time beside the terms are as large as recordings have them.
-
-        Where positions would have to be late by many periods the terms stand for something else.
-        """
-        sizes = np.abs(self.model.errors[: len(self.rows.likely)]) / self.rows.likely
-        return float(sizes.max()) < settings.CLEAR_DEVIATIONS
-
-    @property
     def changes(self) -> dict[str, tuple[float, float]]:
         """(value, std) of each group that differs in all rows."""
         return {
-            term.key[0]: (float(term.coefficients[0]), float(term.deviations[0]))
+            term.key.effect: (float(term.coefficients[0]), float(term.deviations[0]))
             for term in self.terms
-            if term.key[3] is None
+            if not term.key.scope
         }
 
     @property
@@ -132,7 +123,9 @@ def law_change(every: CommandRows) -> LawChange:
     terms = supported(selection.comparison, selection.terms, settings.LAW_LEAST_SUPPORT)
     large = [term for term in terms if float(term.whole[0]) >= settings.LAW_LEAST_DIFFERENCE]
     change = LawChange(every, rows, selection.comparison, together(selection.comparison, large))
-    return change if change.is_likely else replace(change, terms=())
+    # Where positions would have to be late by many periods the terms stand for something else.
+    late = np.abs(change.model.errors[: len(rows.likely)]) / rows.likely
+    return change if late.max() < settings.CLEAR_DEVIATIONS else replace(change, terms=())
 
 
 def why_not_checked(data: Baseline) -> str:

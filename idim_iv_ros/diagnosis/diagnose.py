@@ -32,7 +32,7 @@ from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
-from idim_iv_ros.diagnosis.refit.baseline import nominal_residuals
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
@@ -120,7 +120,7 @@ def diagnose(
 def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
     """Search for what explains the gap, and judge it."""
     catalogue = Catalogue(refit.data, without, refit.hidden)
-    return explained(refit.data, select(catalogue, torque_ledger(refit.data)))
+    return explained(select(catalogue, torque_ledger(refit.data)))
 
 
 def concluded(
@@ -133,19 +133,19 @@ def concluded(
     """Take the steps after the search and build the document; `configuration`: as it was given."""
     data, prepared = refit.data, refit.data.prepared
     watch.stage("simulated motion", 0.85)
-    tracked = tracked_stages(data, explanation)
+    tracked = tracked_stages(explanation)
     stages = tuple(
         replace(stage, tracking_rms=errors.rms, note=errors.note or errors.caveat)
         for stage, errors in zip(explanation.tested.stages, tracked, strict=True)
     )
 
     effects = [effect.term for effect in explanation.effects]
-    recordings = agreement(explanation.selection.comparison.catalogue, effects)
-    numbers, errors = parametric_causes(data, explanation)
+    recordings = agreement(explanation.selection.catalogue, effects)
+    numbers, errors = parametric_causes(explanation)
     law = check_law(data, without, shift=refit.shift.common)
     law = law.not_shown_by_torque(data, numbers, effects)
     causes = [
-        *structural_causes(data, explanation, simulation_gaps(explanation, tracked)),
+        *structural_causes(explanation, simulation_gaps(explanation, tracked)),
         *numbers,
         *law.causes,
         *(() if refit.gravity is None else (refit.gravity.cause(stages[0]),)),
@@ -154,18 +154,17 @@ def concluded(
     transmissions = measured_transmissions(data)
     causes, shafts, excluded = with_transmissions(data, transmissions, causes, without)
     causes = strongest_first(causes, data)
-    hints = hints_of(data, explanation)
+    hints = hints_of(explanation)
 
     watch.stage("where", 0.95)
-    gaps, findings = where(data, explanation.fits[0], explanation.floors)
+    gaps, findings = where(data, explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], explanation.floors)
-    made = explanation.selection.comparison.catalogue.made
-    hidden = not_shown_by_motion(data, structural, noise, made)
+    hidden = not_shown_by_motion(data, structural, noise)
     named = {(cause.effect, cause.joint) for cause in causes}
 
-    outside = unexplained(data, explanation)
-    residual = unexplained_residual(data, explanation, stages)
+    outside = unexplained(explanation)
+    residual = unexplained_residual(explanation, stages)
     not_named = remaining(errors, settings.LEAST_PARAMETER_ERROR)
     small = not_named if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
     more_errors = not_named or small
@@ -201,7 +200,7 @@ def concluded(
     notes = [
         refit.shift.sentence,
         *signal_notes(data.joints, explanation.selection.terms),
-        refit.turning and refit.turning.sentence(data.joints),
+        refit.turning.sentence(data.joints),
         speed and f"the speed in the control law: {speed}",
         *(sentences.transmission(measured.result) for measured in transmissions),
         *excluded,
@@ -212,7 +211,7 @@ def concluded(
         if seconds < settings.SHORT_RECORDING
         else "",
         *law.beyond,
-        sentences.friction_not_given(data, explanation.selection.comparison.catalogue.space),
+        sentences.friction_not_given(data, explanation.selection.catalogue.space),
         *(f"{joint} is left out: {why}" for joint, why in left_out.items()),
         ARMATURE_MISSING * prepared.armature_missing,
         prepared.why_no_given,
@@ -225,7 +224,7 @@ def concluded(
         sentences.reversals(configuration, data),
         *(sentences.small_nonparametric(data, t) for t in explanation.outside if not matters(t)),
     ]
-    physical, why_not = _consistent(refit, explanation)
+    physical, why_not = _consistent(explanation)
     base, values = prepared.model.base, explanation.fit.values.tolist()
     deviations = np.sqrt(np.maximum(np.diag(explanation.fit.covariance), 0.0)).tolist()
     fitted = zip(base.names, values, deviations[: len(values)], base.units, strict=True)
@@ -255,8 +254,8 @@ def concluded(
             if (effect.effect, effect.joint) not in named
         ),
         stages=stages,
-        series=_series(refit, explanation),
-        tracking=tracking_series(data, tracked[0], tracked[-1]),
+        series=_series(explanation),
+        tracking=tracking_series(tracked[0], tracked[-1]),
         notes=tuple(dict.fromkeys(note for note in notes if note)),
         extended_parameters={name: EffectParameter(*number) for name, *number in fitted},
         physical=physical,
@@ -264,25 +263,25 @@ def concluded(
         kinematics=kinematics_digest(prepared.model.robot),
         parameter_errors=errors,
         signal_chain=replace(refit.shift.chain, law_speed=speed),
-        friction_leads={} if refit.turning is None else refit.turning.soft_leads(data.joints),
+        friction_leads=refit.turning.soft_leads(data.joints),
         recordings=recordings,
         transmissions=tuple(measured.result for measured in transmissions),
         twists=tuple(m.series for m in transmissions if m.series is not None),
     )
 
 
-def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
+def _series(explanation: Explained) -> tuple[GapSeries, ...]:
     """Measured torque and that of three models for the figures, one series for each joint."""
-    data, fit = refit.data, explanation.fit
+    data, fit = explanation.data, explanation.fit
     residuals, given = nominal_residuals(data), data.prepared.given
-    made = []
+    blocks, made = explanation.regression.blocks, []
     for joint, name in enumerate(data.joints):
         torque = data.rows[joint].torque
-        friction = _friction(refit, joint, fit.values)
-        for number, effect in enumerate(explanation.effects):
+        friction = _friction(data, joint, fit.values)
+        for effect, block in zip(explanation.effects, blocks, strict=True):
             columns = effect.term.columns
             if effect.term.effect.part == "friction" and joint in columns:
-                friction = friction + columns[joint] @ fit.coefficients[explanation.block(number)]
+                friction = friction + columns[joint] @ fit.coefficients[block]
         made.append(
             GapSeries(
                 joint=name,
@@ -291,7 +290,7 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
                 refit=torque - explanation.fits[0].residuals[joint],
                 extended=torque - fit.residuals[joint],
                 friction=friction,
-                given_friction=None if given is None else _friction(refit, joint, given),
+                given_friction=None if given is None else _friction(data, joint, given),
                 step=1.0 / data.row_rate,
                 **motion_at_rows(data, joint),
             )
@@ -299,23 +298,21 @@ def _series(refit: Refit, explanation: Explained) -> tuple[GapSeries, ...]:
     return tuple(made)
 
 
-def _friction(refit: Refit, joint: int, values: FloatArray) -> FloatArray:
+def _friction(data: Baseline, joint: int, values: FloatArray) -> FloatArray:
     """Friction and offset (r,) of one joint with base parameters (b,), N m (N)."""
-    rows, chosen = (
-        refit.data.rows[joint],
-        refit.data.columns_of(joint, "Fv", "Fc", "off"),
-    )
+    rows, chosen = data.rows[joint], data.columns_of(joint, "Fv", "Fc", "off")
     return np.asarray(rows.matrix[:, chosen] @ values[rows.columns[chosen]])
 
 
-def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameters | None, str]:
+def _consistent(explanation: Explained) -> tuple[PhysicalParameters | None, str]:
     """Physical parameters nearest to the extended model, judged on torques without its effects."""
-    if len(refit.data.left_out) == len(refit.data.joints):
+    data = explanation.data
+    if len(data.left_out) == len(data.joints):
         return None, "every joint is left out"
     fit, parameters = explanation.fit, len(explanation.fit.values)
     rows = [
         replace(joint, torque=joint.prediction(fit.values) + residual)
-        for joint, residual in zip(refit.data.rows, fit.residuals, strict=True)
+        for joint, residual in zip(data.rows, fit.residuals, strict=True)
     ]
     sigma = np.maximum([np.std(residual) for residual in fit.residuals], 1e-300)
     covariance = fit.covariance[:parameters, :parameters]
@@ -323,4 +320,4 @@ def _consistent(refit: Refit, explanation: Explained) -> tuple[PhysicalParameter
     terms = [effect.term for effect in explanation.effects if effect.term.effect.part == "friction"]
     joints = {joint for term in terms for joint in term.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
-    return consistent_parameters(refit.data.prepared, fit.values, covariance, rows, sigma, shared)
+    return consistent_parameters(data.prepared, fit.values, covariance, rows, sigma, shared)

@@ -4,7 +4,7 @@ Only columns and noise enter: the model's own parameters absorb a part of each c
 left must stand out of the noise.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,22 +14,18 @@ from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import NotTestable
-from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
-from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
+from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
-_ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
 _TORQUE = "an effort that is the torque of this joint, in enough rows"
 
 _MOST_SCALED = 1.5  # times that a shaft or a delay is scaled up to be seen
 _NONCENTRALITY = 20.0  # chi-square at which an effect is seen
 _LEAST_SHARE = 0.01  # of the whitened residual, the same
 _TINY = 1e-12
-
-Made = Callable[[Effect, Place, Shape], Columns | None]
 
 
 class Absorption:
@@ -40,20 +36,17 @@ class Absorption:
     """
 
     def __init__(self, regression: Regression, noise_models: Sequence[AutoregressiveModel]) -> None:
-        self._joints, self._noise_models = regression.extended, noise_models
-        pairs = list(zip(self._joints, noise_models, strict=True))
+        self.joints, self._noise_models = regression.extended, noise_models
+        pairs = zip(self.joints, noise_models, strict=True)
         self._model = [noise.standardized(rows.matrix, rows.segments) for rows, noise in pairs]
-        factors = [rows.standardized_r_factor(noise)[:, :-1] for rows, noise in pairs]
-        places = [rows.columns for rows in self._joints]
-        factor = stacked_r_factor(factors, places, regression.total)
-        basis = independent_basis(factor, tolerance=NOT_SHOWN)
+        basis, _ = regression.whitened_basis(noise_models)
         self._root = basis.inverse_root(regression.total)  # R⁻¹
 
     def left(self, columns: Columns) -> tuple[FloatArray, FloatArray]:
         """Energy of the columns, and of what is left of them, (k,) each."""
         inner, energy = np.zeros((len(self._root), width_of(columns))), 0.0
         for joint, rows in columns.items():
-            of_model = self._joints[joint]
+            of_model = self.joints[joint]
             white = self._noise_models[joint].standardized(rows, of_model.segments)
             inner[of_model.columns] += self._model[joint].T @ white
             energy = energy + np.sum(white**2, axis=0)
@@ -65,32 +58,31 @@ def detectability(
     absorption: Absorption,
     effect: Effect,
     shapes: Sequence[tuple[Shape, Columns]],
-    rows: int,
-    scale: JointScale,
+    joint: int,
+    covered: JointRange,
 ) -> tuple[str, str]:
     """Why the motion does not show an effect, and from which size on it would; empty if it does.
 
     An effect that shows only from an implausible size on (`Effect.plausible`) is not shown.
 
-    `absorption`: by the refit; `shapes`: some of the effect, each with its columns; `rows`: of the
-    joint.
+    `absorption`: by the refit; `shapes`: some of the effect, each with its columns.
     """
     if not shapes:
         return "no shape of it is possible on this motion", ""
-    needed, least_absorbed = max(_NONCENTRALITY, _LEAST_SHARE * rows), 1.0
+    needed, least_absorbed = max(_NONCENTRALITY, _LEAST_SHARE * len(absorption.joints[joint])), 1.0
     options: list[tuple[bool, float, str]] = []
     for shape, columns in shapes:
         energy, rest = absorption.left(columns)
         share = rest / np.maximum(energy, _TINY)
         least_absorbed = min(least_absorbed, 1.0 - float(share.max()))
-        at_joint = columns.get(scale.joint)
+        at_joint = columns.get(joint)
         largest = np.zeros(len(rest)) if at_joint is None else np.abs(at_joint).max(axis=0)
         seen = _smallest(effect, rest, share > 1.0 - settings.ABSORBED, largest, needed)
         if seen is None:
             continue
         coefficients, torque = seen
-        size = effect.size_of(shape) if effect.size_in == "shape" else torque
-        plausible = effect.plausible(shape, coefficients, torque, scale)
+        size = shape.numbers[0] if effect.size_in == "shape" else torque
+        plausible = effect.plausible(shape, coefficients, torque, covered)
         options.append((not plausible, size, effect.size_in_words(shape, coefficients, torque)))
     if least_absorbed > settings.ABSORBED:
         absorbed = f"{100.0 * least_absorbed:.1f} %"
@@ -128,69 +120,58 @@ def _smallest(
     return coefficients, float(size[column] * largest[column])
 
 
-def cannot_show(effect: Effect, joint: int, covered: OperatingRange) -> str:
+def cannot_show(effect: Effect, covered: JointRange) -> str:
     """Why an effect cannot be seen at a joint whatever its size; empty where it may be.
 
     Each effect adds what it needs itself.
     """
-    if joint in covered.left_out:
+    if covered.left_out:
         return "its torque is left out: the summary says why"
-    lever = float(covered.lever[joint])
-    span, length = covered.span(joint), covered.length(joint)
-    fastest = float(covered.fastest[joint])
-    slow = fastest <= settings.LEAST_SPEED_RANGE * covered.slowest[joint]
-    if slow or span <= settings.LEAST_RANGE * lever:
-        return f"the joint hardly moves ({span:.2g} {length})"
-    if fastest < settings.LEAST_FASTEST * lever:
+    slow = covered.fastest <= settings.LEAST_SPEED_RANGE * covered.slowest
+    if slow or covered.span <= settings.LEAST_RANGE * covered.lever:
+        return f"the joint hardly moves ({covered.span:.2g} {covered.length})"
+    if covered.fastest < settings.LEAST_FASTEST * covered.lever:
         return (
-            f"the joint moves at most {fastest:.2g} {length}/s: it sticks so often that its dry "
-            "friction hides everything else"
+            f"the joint moves at most {covered.fastest:.2g} {covered.length}/s: it sticks so often "
+            "that its dry friction hides everything else"
         )
-    return effect.cannot_show(joint, covered)
+    return effect.cannot_show(covered)
 
 
-def too_little(joint: int, covered: OperatingRange) -> bool:
+def too_little(covered: JointRange) -> bool:
     """Whether a joint moves so little that not even its parameters can be determined.
 
     Slow motion over a wide range shows weights and friction well; small motion that sticks shows
     nothing, and no more does a torque that is left out.
     """
-    lever, span = float(covered.lever[joint]), covered.span(joint)
-    slow = float(covered.fastest[joint]) < settings.LEAST_FASTEST * lever
+    slow = covered.fastest < settings.LEAST_FASTEST * covered.lever
     least = settings.SMALL_RANGE if slow else settings.LEAST_RANGE
-    return joint in covered.left_out or span <= least * lever
+    return covered.left_out or covered.span <= least * covered.lever
 
 
 def not_shown_by_motion(
     data: Baseline,
     catalogue: Sequence[Effect],
     noise_models: Sequence[AutoregressiveModel],
-    made: Made = lambda effect, place, shape: None,
 ) -> tuple[NotTestable, ...]:
     """Say which effects the motion cannot show, joint by joint.
 
     Only the regressor of the refit is used, not its torque. `noise_models`: noise of
-    each joint, given beforehand or bounded from below (`floor_noise_models`). `made`: columns that
-    the search has.
+    each joint, given beforehand or bounded from below (`floor_noise_models`).
     """
-    covered = data.covered
     absorption = Absorption(data.regression, noise_models)
-    friction = _dry_friction(data, covered)
     refused = []
-    for joint, rows in enumerate(data.rows):
-        scale = JointScale(covered, joint, friction[joint])
+    for joint, covered in enumerate(data.covered):
         for effect in catalogue:
             # Of pairs of joints the one with the next joint.
             places = [place for place in effect.places(len(data.joints)) if place.joint == joint]
             for place in places[:1]:
-                reason, smallest = cannot_show(effect, joint, covered), ""
+                reason, smallest = cannot_show(effect, covered), ""
                 if not reason:
-                    shapes = _shaped(data, effect, place, covered, made)
-                    reason, smallest = detectability(
-                        absorption, effect, shapes, len(rows.torque), scale
-                    )
+                    shapes = _shaped(data, effect, place)
+                    reason, smallest = detectability(absorption, effect, shapes, joint, covered)
                 if reason:
-                    needed = _TORQUE if joint in covered.left_out else effect.excitation
+                    needed = _TORQUE if covered.left_out else effect.excitation
                     words = (data.unit_at(joint, text) for text in (reason, needed, smallest))
                     refused.append(NotTestable(effect.name, data.joints[joint], *words))
     return tuple(refused)
@@ -206,30 +187,13 @@ def floor_noise_models(fit: Fit, floors: Sequence[NoiseFloor]) -> tuple[Autoregr
     )
 
 
-def _shaped(
-    data: Baseline, effect: Effect, place: Place, covered: OperatingRange, made: Made
-) -> list[tuple[Shape, Columns]]:
+def _shaped(data: Baseline, effect: Effect, place: Place) -> list[tuple[Shape, Columns]]:
     """A few shapes from all over the grid that are possible on the motion, with their columns."""
-    grid = effect.grid(place, covered)
+    grid = effect.grid(data.covered[place.joint])
     places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
     shapes = [grid[k] for k in np.unique(places)] if grid else []
-    columns = {shape: made(effect, place, shape) for shape in shapes}
-    missing = [shape for shape, table in columns.items() if table is None]
-    columns.update(zip(missing, rows_of(data, effect, place, missing), strict=True))
     return [
         (shape, table)
-        for shape, table in columns.items()
-        if table is not None
-        and all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
-    ]
-
-
-def _dry_friction(data: Baseline, covered: OperatingRange) -> list[float]:
-    """Dry friction of each joint, N m (N): of the refit, or a share of the peak if it has none."""
-    levels = data.prepared.model.dynamic_parameters(data.estimate.linear.values).coulomb
-    return [
-        float(level)
-        if level > settings.LEAST_DRY_FRICTION * peak
-        else _ASSUMED_DRY_FRICTION * float(peak)
-        for level, peak in zip(levels, covered.torque, strict=True)
+        for shape, table in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
+        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
     ]

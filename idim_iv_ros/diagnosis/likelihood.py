@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, stacked_r_factor
+from idim_iv_ros.estimation.qr import NOT_SHOWN, Basis, independent_basis, stacked_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.types import FloatArray
@@ -68,16 +68,17 @@ class Regression:
         """Return the same with more blocks."""
         return replace(self, added=(*self.added, *blocks))
 
-    @property
-    def widths(self) -> tuple[int, ...]:
-        """Columns of each block."""
-        return tuple(width_of(block) for block in self.added)
+    @cached_property
+    def blocks(self) -> tuple[slice, ...]:
+        """Which of the k added coefficients are those of each block."""
+        ends = np.cumsum([0, *map(width_of, self.added)]).tolist()
+        return tuple(slice(*block) for block in pairwise(ends))
 
     @cached_property
     def extended(self) -> tuple[JointRows, ...]:
         """Rows with all added columns; a joint that no block moves has its own."""
-        starts = self.parameters + np.cumsum([0, *self.widths])
-        places = [np.arange(*ends) for ends in pairwise(starts)]
+        added = np.arange(self.parameters, self.total)
+        places = [added[block] for block in self.blocks]
         made = []
         for joint, rows in enumerate(self.joints):
             pairs = zip(self.added, places, strict=True)
@@ -91,7 +92,7 @@ class Regression:
     @cached_property
     def total(self) -> int:
         """Number of all coefficients: b + k."""
-        return self.parameters + sum(self.widths)
+        return self.parameters + sum(map(width_of, self.added))
 
     def fit(
         self,
@@ -105,28 +106,36 @@ class Regression:
         """
         current = self._first_noise_models() if noise_models is None else tuple(noise_models)
         for step in range(steps + 1):
-            pairs = zip(self.extended, current, strict=True)
-            factors = [rows.standardized_r_factor(noise) for rows, noise in pairs]
-            places = [rows.places for rows in self.extended]
-            factor = stacked_r_factor(factors, places, self.total + 1)
-            basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
-            solution = basis.solve(factor[:, -1], self.total)
+            basis, torque = self.whitened_basis(current)
+            solution = basis.solve(torque, self.total)
             residuals = tuple(rows.residual(solution) for rows in self.extended)
             if step < steps:
                 current = tuple(map(noise_model, self.joints, residuals))
         root = basis.inverse_root(self.total)
-        likelihoods = [
-            0.0 if rows.left_out else _log_likelihood(residual, rows.segments, noise)
-            for residual, rows, noise in zip(residuals, self.joints, current, strict=True)
-        ]
+        likelihoods = np.zeros(len(residuals))
+        for joint, (rows, noise) in enumerate(zip(self.joints, current, strict=True)):
+            if not rows.left_out:
+                energy = np.mean(noise.whiten(residuals[joint], rows.segments) ** 2)
+                variance = np.log(max(float(energy), 1e-300))
+                likelihoods[joint] = -0.5 * len(residuals[joint]) * variance - noise.order
         return Fit(
             values=solution[: self.parameters],
             coefficients=solution[self.parameters :],
             covariance=root @ root.T,
             noise_models=current,
             residuals=residuals,
-            log_likelihoods=np.array(likelihoods),
+            log_likelihoods=likelihoods,
         )
+
+    def whitened_basis(
+        self, noise_models: Sequence[AutoregressiveModel]
+    ) -> tuple[Basis, FloatArray]:
+        """Orthonormal basis of all whitened columns, and the torque in the same coordinates."""
+        pairs = zip(self.extended, noise_models, strict=True)
+        factors = [rows.standardized_r_factor(noise) for rows, noise in pairs]
+        places = [rows.places for rows in self.extended]
+        factor = stacked_r_factor(factors, places, self.total + 1)
+        return independent_basis(factor[:, :-1], tolerance=NOT_SHOWN), factor[:, -1]
 
     @cached_property
     def fitted(self) -> Fit:
@@ -158,14 +167,6 @@ def noise_model(rows: JointRows, residual: FloatArray) -> AutoregressiveModel:
     model = model.with_white_noise(settings.LEAST_DENSITY)
     variance = float(np.mean(model.whiten(residual, rows.segments) ** 2))
     return replace(model, innovation_variance=variance or 1e-24)
-
-
-def _log_likelihood(
-    residual: FloatArray, segments: Sequence[slice], noise: AutoregressiveModel
-) -> float:
-    """Of one joint with its own innovations, less the order of its noise model."""
-    variance = max(float(np.mean(noise.whiten(residual, segments) ** 2)), 1e-300)
-    return float(-0.5 * len(residual) * np.log(variance)) - noise.order
 
 
 def rms(values: FloatArray) -> float:

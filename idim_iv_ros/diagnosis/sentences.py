@@ -188,21 +188,14 @@ def beyond_the_law(
     return f"{text}: no change of a gain or feedforward explains it"
 
 
-def transmission(measured: Transmission) -> str:
-    """All that encoders before and behind a gear say of it, in one sentence."""
-    return f"gear of {measured.joint}: {_gear(measured)}"
-
-
-def measured_gear(measured: Transmission, effect: str) -> str:
-    """A shaft or play as a cause, measured by the encoder behind the gear."""
-    where = f"{spaced(effect)} at {measured.joint}, measured by the encoder behind the gear"
-    return f"{where}: {_gear(measured)}"
-
-
-def _gear(measured: Transmission) -> str:
+def transmission(measured: Transmission, effect: str = "") -> str:
+    """All that encoders before and behind a gear say of it, or of an effect that they measure."""
+    what = f"gear of {measured.joint}"
+    if effect:
+        what = f"{spaced(effect)} at {measured.joint}, measured by the encoder behind the gear"
     unit = f"m{measured.unit}"
     if measured.time_offset is None:
-        return measured.reason
+        return f"{what}: {measured.reason}"
     least, most = measured.stiffness_at_least, measured.backlash_at_most
     if measured.stiffness is not None:
         text = f"stiffness {with_interval(measured.stiffness)}"
@@ -228,7 +221,7 @@ def _gear(measured: Transmission) -> str:
     offset = measured.time_offset
     late = "late" if offset.value >= 0.0 else "early"
     size = with_interval(replace(offset, value=abs(offset.value)), 1e3, "ms")
-    return f"{text}; the link is read {size} {late}, which is no elasticity"
+    return f"{what}: {text}; the link is read {size} {late}, which is no elasticity"
 
 
 def refuted(measured: Transmission, effect: str) -> str:
@@ -279,11 +272,6 @@ def nonparametric(data: Baseline, term: Term) -> str:
         return text
     side = "above" if shape.side > 0 else "below"
     return f"{text}, {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
-
-
-def likelier_curve(data: Baseline, curve: Term) -> str:
-    """Why an effect is no cause where such a function is likelier in its place."""
-    return f"{nonparametric(data, curve)}, is likelier"
 
 
 def small_nonparametric(data: Baseline, term: Term) -> str:

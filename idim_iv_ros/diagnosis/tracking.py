@@ -26,15 +26,13 @@ class Tracking:
     """Simulated motion of one stage.
 
     `errors`: (n_samples, n_joints) of each recording: simulated less measured position on its span,
-    rad (m), through the filter of the measurement; empty where it failed. `rates`: of the
-    recordings, Hz: an error counts for the time that its sample lasts. `note`, `caveat`: why there
-    is none, and what is missing in it; else empty.
+    rad (m), through the filter of the measurement; empty where it failed. `note`, `caveat`: why
+    there is none, and what is missing in it; else empty.
     """
 
-    joints: tuple[str, ...]
+    data: Baseline
     errors: tuple[FloatArray, ...]
-    rates: tuple[float, ...]
-    note: str
+    note: str = ""
     caveat: str = ""
 
     @property
@@ -42,13 +40,18 @@ class Tracking:
         """Of each joint, rad (m)."""
         if self.note:
             return None
-        return dict(zip(self.joints, roots(self.block_energies.sum(axis=0)).tolist(), strict=True))
+        rms = roots(self.block_energies.sum(axis=0)).tolist()
+        return dict(zip(self.data.joints, rms, strict=True))
 
     @cached_property
     def block_energies(self) -> FloatArray:
-        """Squared errors of each joint over time, and time, in blocks of it: (b, n_joints + 1)."""
+        """Squared errors of each joint over time, and time, in blocks of it: (b, n_joints + 1).
+
+        An error counts for the time that its sample lasts.
+        """
         sums = []
-        for error, rate in zip(self.errors, self.rates, strict=True):
+        for error, motion in zip(self.errors, self.data.prepared.motions, strict=True):
+            rate = motion.signals.rate
             (blocks,) = time_blocks([len(error)], rate)
             sums.append(energies(error, blocks) / rate)
         return np.concatenate(sums)
@@ -63,18 +66,13 @@ def simulated_tracking(
     catalogue.
     """
     source = data.sources.sources[0]
-    rates = tuple(motion.signals.rate for motion in data.prepared.motions)
-
-    def failed(note: str) -> Tracking:
-        return Tracking(data.joints, (), rates, note)
-
     if not isinstance(source, SimulatedLoop):
         reason = " ".join(data.sources.controller) or "the closed loop is not known"
-        return failed(f"not simulated: {reason}")
+        return Tracking(data, (), f"not simulated: {reason}")
     model, errors = data.prepared.model, []
     dynamics, parts = model.dynamic_parameters(values), data.prepared.session.parts
     for motion, law, part in zip(source.motions, source.laws, parts, strict=True):
-        name, start = motion.signals.name, part.start
+        name = motion.signals.name
         try:
             simulated = replay(
                 model.robot,
@@ -82,27 +80,26 @@ def simulated_tracking(
                 law,
                 motion,
                 effects=effects,
-                start_time=start,
+                start_time=part.start,
                 accelerations=False,
             )
         except UsageError as error:
-            return failed(f"not simulated: {error}")
+            return Tracking(data, (), f"not simulated: {error}")
         if simulated.diverged is not None:
-            return failed(f"the simulation diverges: {name}: {simulated.diverged}")
+            return Tracking(data, (), f"the simulation diverges: {name}: {simulated.diverged}")
         measured = motion.position[motion.span]
         errors.append(motion.filtered(simulated.position)[motion.span] - measured)
         spread = np.maximum(np.ptp(measured, axis=0), 1e-3)
         lost = np.flatnonzero(np.abs(errors[-1]).max(axis=0) > settings.SIMULATION_LOST * spread)
         if len(lost):
-            return failed(f"{name}: simulated {data.joints[lost[0]]} leaves the motion")
-    return Tracking(data.joints, tuple(errors), rates, "")
+            note = f"{name}: simulated {data.joints[lost[0]]} leaves the motion"
+            return Tracking(data, (), note)
+    return Tracking(data, tuple(errors))
 
 
-def tracking_series(
-    data: Baseline, before: Tracking, after: Tracking
-) -> tuple[TrackingSeries, ...]:
+def tracking_series(before: Tracking, after: Tracking) -> tuple[TrackingSeries, ...]:
     """Tracking errors, reference less position, of every joint and recording."""
-    made = []
+    data, made = before.data, []
     for number, motion in enumerate(data.prepared.motions):
         reference = motion.signals.position_reference
         if reference is None:
@@ -119,13 +116,13 @@ def tracking_series(
     return tuple(made)
 
 
-def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
+def tracked_stages(explanation: Explained) -> list[Tracking]:
     """Tracking of the nominal model, of the refit, and of that with one effect more each time."""
-    given = data.prepared.given
+    data, given = explanation.data, explanation.data.prepared.given
     tracked = [] if given is None else [simulated_tracking(data, given)]
     effects: list[SimulatedEffect] = []
     for number, fit in enumerate(explanation.fits):
-        effects += [_simulated_effect(data, explanation, number - 1)] if number > 0 else []
+        effects += [_simulated_effect(explanation, number - 1)] if number > 0 else []
         tracked.append(simulated_tracking(data, fit.values, effects))
         if number > 0 and tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.
@@ -137,16 +134,16 @@ def tracked_stages(data: Baseline, explanation: Explained) -> list[Tracking]:
     return tracked
 
 
-def _simulated_effect(data: Baseline, explanation: Explained, number: int) -> SimulatedEffect:
+def _simulated_effect(explanation: Explained, number: int) -> SimulatedEffect:
     """One of the effects as the simulator takes it, with the coefficients beside all others."""
-    term = explanation.effects[number].term
-    coefficients = explanation.fit.coefficients[explanation.block(number)]
+    term, joints = explanation.effects[number].term, explanation.data.joints
+    coefficients = explanation.fit.coefficients[explanation.regression.blocks[number]]
     numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
     return SimulatedEffect(
         term.effect.name,
-        data.joints[term.place.joint],
+        joints[term.place.joint],
         {name: parameter.value for name, parameter in numbers.items()},
-        None if term.place.other is None else data.joints[term.place.other],
+        None if term.place.other is None else joints[term.place.other],
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, rms
+from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
@@ -48,7 +48,7 @@ def motion_at_rows(data: Baseline, joint: int) -> dict[str, FloatArray]:
     By name: ``time`` (s), ``position`` (rad, m), ``speed``, ``load``, the torque of the rigid
     bodies alone (N m, N), and ``since_reversal``, the distance since the last one (rad, m).
     """
-    slowest = settings.REVERSAL_SPEED * float(data.covered.slowest[joint])
+    slowest = settings.REVERSAL_SPEED * data.covered[joint].slowest
     tables = []
     for motion in data.motions:
         states = motion.position[:, joint], motion.velocity[:, joint]
@@ -203,9 +203,7 @@ def in_words(
     )
 
 
-def where(
-    data: Baseline, refit: Fit, floors: Sequence[NoiseFloor]
-) -> tuple[Where, tuple[str, ...]]:
+def where(data: Baseline, floors: Sequence[NoiseFloor]) -> tuple[Where, tuple[str, ...]]:
     """Find where the gap lies, and say in which regimes much of it does, the largest first.
 
     The nominal model's gap is what the user sees: its shares and regimes are reported, those of the
@@ -213,7 +211,8 @@ def where(
     it follow where it is above the noise.
     """
     nominal, joints = nominal_residuals(data), range(len(data.joints))
-    shown = refit.residuals if nominal is None else nominal
+    residuals = data.regression.fitted.residuals
+    shown = residuals if nominal is None else nominal
     gaps = _joint_gaps(data, shown, floors)
     starts = [part.start for part in data.prepared.session.parts]
     axes = [axes_of(motion_at_rows(data, joint), starts) for joint in joints]
@@ -221,8 +220,8 @@ def where(
     regimes, large = _regimes(data, shown, axes, gaps, used, after_refit=False)
     findings = large[:_NOMINAL_FINDINGS]
     if nominal is not None:
-        used = {joint for joint in used if above_noise(refit.residuals[joint], floors[joint])}
-        _, large = _regimes(data, refit.residuals, axes, gaps, used, after_refit=True)
+        used = {joint for joint in used if above_noise(residuals[joint], floors[joint])}
+        _, large = _regimes(data, residuals, axes, gaps, used, after_refit=True)
         findings += large[:_REFIT_FINDINGS]
     return Where(gaps, regimes), tuple(findings)
 

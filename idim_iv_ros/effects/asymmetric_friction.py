@@ -5,7 +5,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.effect import Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -39,10 +39,6 @@ class AsymmetricFriction(StructuralEffect[Shape]):
         ),
     )
     laws = (TorqueLaw(_torque),)
-
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
-        """The one shape: this friction has no number that enters other than linearly."""
-        return [Shape()]
 
     def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """Torque |dq| of a coefficient `viscous` of one."""

@@ -8,8 +8,7 @@ import numpy as np
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.effects.effect import (
-    JointScale,
-    OperatingRange,
+    JointRange,
     Place,
     Shape,
     StructuralEffect,
@@ -63,13 +62,13 @@ class Backlash(StructuralEffect[BacklashShape]):
         ParameterSpec("damping", "N m s/rad", "damping beyond the play", math.nan, "not negative"),
     )
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[BacklashShape]:
+    def grid(self, covered: JointRange) -> list[BacklashShape]:
         """Shapes with gaps from 0.1 to 40 mrad (10 µm to 4 mm) and three stiffnesses."""
-        inertia = float(covered.inertia[place.joint])
+        inertia = covered.inertia
         if inertia <= 0.0:
             return []
-        load = float(covered.load[place.joint])
-        gaps = float(covered.lever[place.joint]) * logarithmic(1e-4, _WIDEST, 9)
+        load = covered.load
+        gaps = covered.lever * logarithmic(1e-4, _WIDEST, 9)
         shapes: list[BacklashShape] = []
         for frequency in _FLANKS:
             stiffness = inertia * (2.0 * np.pi * frequency) ** 2
@@ -78,7 +77,7 @@ class Backlash(StructuralEffect[BacklashShape]):
         return [shape for shape in shapes if shape.wide]
 
     def neighbours(
-        self, shape: BacklashShape, step: float, place: Place, covered: OperatingRange
+        self, shape: BacklashShape, step: float, covered: JointRange
     ) -> list[BacklashShape]:
         """Shapes with another gap, stiffness or damping of the flanks; the damping ratio stays."""
         gap, stiffness, damping = shape.gap, shape.stiffness, shape.damping
@@ -102,19 +101,19 @@ class Backlash(StructuralEffect[BacklashShape]):
         return bool(0.3 < coefficients[0] < 3.0)
 
     def plausible(
-        self, shape: BacklashShape, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: BacklashShape, coefficients: FloatArray, torque: float, covered: JointRange
     ) -> bool:
         """Whether the gap is no wider than the middle of those that arms have."""
-        return bool(shape.gap <= _TYPICAL_GAP * float(scale.covered.lever[scale.joint]))
+        return bool(shape.gap <= _TYPICAL_GAP * covered.lever)
 
     def impossible(
-        self, shape: BacklashShape, coefficients: FloatArray, joint: int, covered: OperatingRange
+        self, shape: BacklashShape, coefficients: FloatArray, covered: JointRange
     ) -> str:
         """Why a gap is wider than that of any broken gear; empty if it is not."""
-        widest = _WIDEST * float(covered.lever[joint])
+        widest = _WIDEST * covered.lever
         if shape.gap <= widest:
             return ""
-        unit = covered.length(joint)
+        unit = covered.length
         return f"a play of {shape.gap:.2g} {unit} is beyond {widest:.2g} {unit}"
 
     def parameters(

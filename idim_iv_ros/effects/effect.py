@@ -1,9 +1,8 @@
 """What every structural effect declares about itself: physics that the nominal model lacks."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, Literal, TypeVar
+from typing import Any, ClassVar, Generic, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -48,62 +47,44 @@ class Place:
 
 
 @dataclass(frozen=True)
-class OperatingRange:
-    """What the recordings cover, (n_joints,) each unless said otherwise.
+class JointRange:
+    """What the recordings cover at one joint, and what is small and large there.
 
     `low`, `high`: positions, rad (m); `slowest`, `fastest`, `mean_speed`: rad/s (m/s), below which
     rows do not count, the highest, and the mean modulus; `load`, `torque`: largest of the links,
-    and of the joint, N m (N); `inertia`: mean of the links' about the joint, kg m² (kg);
-    `duration`, `longest`: s, from the start of the first to the end of the last recording, and of
-    the longest one; `row_rate`: Hz; `lever`: 1 for revolute joints, 0.1 for prismatic ones: metres
-    that count as a radian; `sticking`: whether the closed loop is simulated, which shows where
-    joints stick; `left_out`: joints whose torque says nothing of the robot.
+    and of the joint, N m (N); `dry_friction`: its level, N m (N); `inertia`: mean of the links'
+    about the joint, kg m² (kg); `lever`: 1 for a revolute joint, 0.1 for a prismatic one: metres
+    that count as a radian; `duration`, `longest`: s, from the start of the first to the end of the
+    last recording, and of the longest one; `row_rate`: Hz; `sticking`: whether the closed loop is
+    simulated, which shows where the joint sticks; `left_out`: whether the torque says nothing of
+    the robot.
     """
 
-    low: FloatArray
-    high: FloatArray
-    slowest: FloatArray
-    fastest: FloatArray
-    mean_speed: FloatArray
-    load: FloatArray
-    torque: FloatArray
-    inertia: FloatArray
+    low: float
+    high: float
+    slowest: float
+    fastest: float
+    mean_speed: float
+    load: float
+    torque: float
+    dry_friction: float
+    inertia: float
+    lever: float
     duration: float
     longest: float
     row_rate: float
-    lever: FloatArray
-    sticking: bool = True
-    left_out: frozenset[int] = frozenset()
-
-    def span(self, joint: int) -> float:
-        """Range of the positions of a joint, rad (m)."""
-        return float(self.high[joint] - self.low[joint])
-
-    def length(self, joint: int) -> str:
-        """Unit of a joint's position: rad, or m where the `lever` is that of a prismatic joint."""
-        return "rad" if float(self.lever[joint]) == 1.0 else "m"
-
-    def too_slow_to_bend(self, joint: int) -> str:
-        """Why a joint's motion cannot show friction that bends with the speed; empty if it may."""
-        fastest = float(self.fastest[joint])
-        if fastest >= _LEAST_SPEED * float(self.lever[joint]):
-            return ""
-        length = self.length(joint)
-        return f"the joint moves at most {fastest:.2g} {length}/s: too slow to show bent friction"
-
-
-@dataclass(frozen=True)
-class JointScale:
-    """What is small and large at a joint: what recordings cover, and its dry friction, N m (N)."""
-
-    covered: OperatingRange
-    joint: int
-    dry_friction: float
+    sticking: bool
+    left_out: bool
 
     @property
-    def peak(self) -> float:
-        """Largest torque of the joint, N m (N)."""
-        return float(self.covered.torque[self.joint])
+    def span(self) -> float:
+        """Range of the positions, rad (m)."""
+        return self.high - self.low
+
+    @property
+    def length(self) -> str:
+        """Unit of the position: rad, or m where the `lever` is that of a prismatic joint."""
+        return "rad" if self.lever == 1.0 else "m"
 
 
 @dataclass(frozen=True)
@@ -113,9 +94,9 @@ class ShareOf:
     of: Literal["dry friction", "peak"]
     share: float
 
-    def torque(self, scale: JointScale) -> float:
+    def torque(self, covered: JointRange) -> float:
         """The torque at a joint, N m (N)."""
-        return self.share * (scale.dry_friction if self.of == "dry friction" else scale.peak)
+        return self.share * (covered.dry_friction if self.of == "dry friction" else covered.torque)
 
 
 class StructuralEffect(Cause, Generic[S]):
@@ -138,7 +119,7 @@ class StructuralEffect(Cause, Generic[S]):
     # Whether the shape may vary beside the coefficients; not where one is its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds
-    # for factors about one only), or in the shape alone, the coefficient being one.
+    # for factors about one only), or in the first number of the shape, the coefficient being one.
     size_in: ClassVar[Literal["coefficients", "scale", "shape"]] = "coefficients"
     # Middle (geometric) of the largest torques that are typical of arms, or (a plain number) of the
     # numbers that are fitted; see `plausible`.
@@ -156,9 +137,9 @@ class StructuralEffect(Cause, Generic[S]):
         """Joints or pairs of joints at which the effect may act; all joints by default."""
         return [Place(joint) for joint in range(joints)]
 
-    @abstractmethod
-    def grid(self, place: Place, covered: OperatingRange) -> Sequence[S]:
-        """Shapes with which the search begins."""
+    def grid(self, covered: JointRange) -> Sequence[S]:
+        """Shapes with which the search begins; by default one, without numbers."""
+        return cast(Sequence[S], [Shape()])
 
     def branches(self, grid: Sequence[S]) -> list[Sequence[S]]:
         """Parts of the grid that are searched apart, for shapes of different kinds."""
@@ -207,7 +188,7 @@ class StructuralEffect(Cause, Generic[S]):
         """Whether physics allows these coefficients: none is negative, unless they are `signed`."""
         return self.signed or bool(np.all(coefficients >= 0.0))
 
-    def neighbours(self, shape: S, step: float, place: Place, covered: OperatingRange) -> list[S]:
+    def neighbours(self, shape: S, step: float, covered: JointRange) -> list[S]:
         """Shapes with one number larger or smaller by the factor 1 + step, within its bounds."""
         near = []
         for name, given in vars(shape).items():
@@ -217,15 +198,18 @@ class StructuralEffect(Cause, Generic[S]):
                 near.append(replace(shape, **{name: bounded}))
         return near
 
-    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
+    def cannot_show(self, covered: JointRange) -> str:
         """Why a joint's motion cannot show it whatever its size; empty where it may.
 
         What holds for every effect is in `diagnosis.identifiability.cannot_show`.
         """
-        return covered.too_slow_to_bend(joint) if self.bends_with_speed else ""
+        if not self.bends_with_speed or covered.fastest >= _LEAST_SPEED * covered.lever:
+            return ""
+        speed = f"{covered.fastest:.2g} {covered.length}/s"
+        return f"the joint moves at most {speed}: too slow to show bent friction"
 
     def plausible(
-        self, shape: S, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: S, coefficients: FloatArray, torque: float, covered: JointRange
     ) -> bool:
         """Whether arms may well have it in this size: any, unless `typical` bounds it.
 
@@ -234,13 +218,11 @@ class StructuralEffect(Cause, Generic[S]):
         """
         most = self.typical
         if most is None or isinstance(most, ShareOf):
-            return most is None or torque <= most.torque(scale)
+            return most is None or torque <= most.torque(covered)
         fitted = self.parameters(shape, coefficients, np.zeros(len(coefficients))).values()
         return all(abs(number.value) <= most for number in fitted if number.std is not None)
 
-    def impossible(
-        self, shape: S, coefficients: FloatArray, joint: int, covered: OperatingRange
-    ) -> str:
+    def impossible(self, shape: S, coefficients: FloatArray, covered: JointRange) -> str:
         """Why no arm has the effect in this size; empty where one may have, as by default.
 
         Wider than `plausible`, which says what is common: numbers that the search fits and that no
@@ -263,18 +245,14 @@ class StructuralEffect(Cause, Generic[S]):
                 return f"{name.replace('_', ' ')} = {size}{more}"
         return f"{torque:.2g} N m"
 
-    def size_of(self, shape: S) -> float:
-        """First number of a shape: the size, where `size_in` says that the shape has it."""
-        return shape.numbers[0]
-
-    def longer(self, shape: S, place: Place, covered: OperatingRange) -> list[tuple[S, S]]:
-        """Shapes with a further term, up to `most_terms`, paired with the shape of that term."""
+    def longer(self, shape: S, covered: JointRange) -> list[S]:
+        """Shapes with a further term at the end, up to `most_terms`."""
         terms = next((name for name, v in vars(shape).items() if isinstance(v, tuple)), "")
         if not terms or len(getattr(shape, terms)) >= self.most_terms:
             return []
         return [
-            (replace(shape, **{terms: getattr(shape, terms) + getattr(term, terms)}), term)
-            for term in self.grid(place, covered)
+            replace(shape, **{terms: getattr(shape, terms) + getattr(term, terms)})
+            for term in self.grid(covered)
             if type(term) is type(shape)
         ]
 

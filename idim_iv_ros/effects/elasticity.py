@@ -7,8 +7,7 @@ import numpy as np
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.effects.effect import (
-    JointScale,
-    OperatingRange,
+    JointRange,
     Place,
     Shape,
     StructuralEffect,
@@ -50,9 +49,9 @@ class Elasticity(StructuralEffect[ShaftShape]):
         ParameterSpec("damping", "N m s/rad", "damping of the shaft", 0.0, "not negative"),
     )
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[ShaftShape]:
+    def grid(self, covered: JointRange) -> list[ShaftShape]:
         """Resonances from 3 to 100 Hz, lightly and well damped."""
-        inertia = float(covered.inertia[place.joint])
+        inertia = covered.inertia
         if inertia <= 0.0:
             return []
         shapes: list[ShaftShape] = []
@@ -71,22 +70,20 @@ class Elasticity(StructuralEffect[ShaftShape]):
         return bool(0.3 < coefficients[0] < 3.0)
 
     def plausible(
-        self, shape: ShaftShape, coefficients: FloatArray, torque: float, scale: JointScale
+        self, shape: ShaftShape, coefficients: FloatArray, torque: float, covered: JointRange
     ) -> bool:
         """Whether the shaft is no softer than the softest that are common."""
-        inertia = float(scale.covered.inertia[scale.joint])
+        inertia = covered.inertia
         stiffness = shape.stiffness / float(coefficients[0])
         return bool(stiffness >= inertia * (2.0 * np.pi * _SOFTEST) ** 2)
 
-    def impossible(
-        self, shape: ShaftShape, coefficients: FloatArray, joint: int, covered: OperatingRange
-    ) -> str:
+    def impossible(self, shape: ShaftShape, coefficients: FloatArray, covered: JointRange) -> str:
         """Links that swing slower or faster than those of arms, or not at all.
 
         Far below its resonance a shaft of compliance 1/k turns M τ''/k into torque, as a drive that
         lags by √(M/k) does to second order: the resonance tells them apart.
         """
-        inertia = float(covered.inertia[joint])
+        inertia = covered.inertia
         stiffness = shape.stiffness / float(coefficients[0])
         if inertia <= 0.0 or stiffness <= 0.0:
             return "the link has no inertia that could swing"

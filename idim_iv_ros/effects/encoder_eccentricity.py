@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import EncoderLaw
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -50,13 +50,13 @@ class EncoderEccentricity(StructuralEffect[DiscShape]):
     )
     laws = (EncoderLaw(_error),)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[DiscShape]:
+    def grid(self, covered: JointRange) -> list[DiscShape]:
         """Shapes with one period a turn, and with one and two."""
         return [DiscShape(False), DiscShape(True)]
 
-    def cannot_show(self, joint: int, covered: OperatingRange) -> str:
+    def cannot_show(self, covered: JointRange) -> str:
         """Why a joint turns too little to show the effect; empty if it turns enough."""
-        span, length = covered.span(joint), covered.length(joint)
+        span, length = covered.span, covered.length
         if length == "rad" and span >= _LEAST_TURN:
             return ""
         return f"the joint moves {span:.2g} {length}: an error of once a turn looks constant"

@@ -11,7 +11,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import (
-    OperatingRange,
+    JointRange,
     Place,
     Shape,
     ShareOf,
@@ -99,7 +99,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     ends: ClassVar = {"nominal": (0.05, 1.5)}
     laws = (TorqueLaw(_torque, _advance),)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[DriftShape]:
+    def grid(self, covered: JointRange) -> list[DriftShape]:
         """From a twentieth of the session to three of it, which is a straight line.
 
         Of several recordings also from a tenth of the longest to three of it, anew in each. By
@@ -110,7 +110,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         several = covered.longest < covered.duration
         clocks = [(time, False) for time in session]
         clocks += [(time, True) for time in recording if several]
-        speed = float(covered.mean_speed[place.joint])
+        speed = covered.mean_speed
         quickest = _LEAST_OF_RECORDING * covered.longest
         return [
             *(DriftShape(float(time), anew) for time, anew in clocks),

@@ -16,7 +16,7 @@ from idim_iv_ros.effects.contribution import (
     Torque,
     TorqueLaw,
 )
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -73,7 +73,7 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         """All pairs of joints."""
         return [Place(a, b) for a in range(joints) for b in range(a + 1, joints)]
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[CouplingShape]:
+    def grid(self, covered: JointRange) -> list[CouplingShape]:
         """Linear couplings of joints that turn the same way and opposite ways."""
         return [CouplingShape(1.0, 1.0), CouplingShape(-1.0, 1.0)]
 

@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Load, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -73,9 +73,9 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     )  # fmt: skip
     laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[LoadShape]:
+    def grid(self, covered: JointRange) -> list[LoadShape]:
         """Exponents about one, one or two coefficients."""
-        scale = float(covered.load[place.joint])
+        scale = covered.load
         if scale <= 0.0:
             return []
         return [
@@ -102,9 +102,7 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         driving = load * v > 0.0
         return {place.joint: np.column_stack([whole * driving, whole * ~driving])}
 
-    def impossible(
-        self, shape: LoadShape, coefficients: FloatArray, joint: int, covered: OperatingRange
-    ) -> str:
+    def impossible(self, shape: LoadShape, coefficients: FloatArray, covered: JointRange) -> str:
         """Friction that is larger than the load that makes it."""
         largest = float(max(coefficients[0], coefficients[-1]))
         return "" if largest <= _MOST else f"friction would be {largest:.2g} times the load"

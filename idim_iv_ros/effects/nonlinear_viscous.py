@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -56,7 +56,7 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
     laws = (_LAW,)
     element_of = "joint"
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[PowerShape]:
+    def grid(self, covered: JointRange) -> list[PowerShape]:
         """Powers from 0.3 to 3, not around 1, which the model has."""
         return [PowerShape(power) for power in _POWERS]
 
@@ -65,11 +65,9 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         v = motion.velocity[:, place.joint]
         return {place.joint: (np.abs(v) ** shape.power * motion.slip[:, place.joint])[:, None]}
 
-    def neighbours(
-        self, shape: PowerShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[PowerShape]:
+    def neighbours(self, shape: PowerShape, step: float, covered: JointRange) -> list[PowerShape]:
         """Shapes with a nearby power, between 0.2 and 4 and away from one."""
-        near = super().neighbours(shape, step, place, covered)
+        near = super().neighbours(shape, step, covered)
         low, high = (0.2, 0.8) if shape.power < 1.0 else (1.25, 4.0)
         return [PowerShape(min(max(neighbour.power, low), high)) for neighbour in near]
 

@@ -32,26 +32,14 @@ class Change:
 
 @dataclass(frozen=True)
 class Estimated:
-    """Estimate of a change; std is None where the recording does not determine it alone."""
+    """Estimate of a change with its standard deviation, beside all others of the hypothesis."""
 
     change: Change
     value: float
-    std: float | None
+    std: float
 
-    @property
-    def determined(self) -> bool:
-        """Whether the recording determines the number, given all others of the hypothesis."""
-        return self.std is not None
-
-    @property
-    def certainty(self) -> float:
-        """Distance from zero in standard deviations; 0 where it is not determined."""
-        return abs(self.value) / self.std if self.std else 0.0
-
-    def exceeds(self, least: float) -> bool | None:
-        """Whether it may lie above `least`; None where it is not determined."""
-        if self.std is None:
-            return None
+    def may_exceed(self, least: float) -> bool:
+        """Whether it may lie above `least`."""
         return self.value + CLEARLY * self.std >= least
 
 
@@ -168,19 +156,17 @@ class ParametricEffect(Cause):
     ) -> bool:
         """Whether physics allows the estimate: changes up to `largest`, none clearly too small."""
         return all(
-            abs(estimate.value) <= self.largest
-            and estimate.exceeds(estimate.change.least) is not False
+            abs(estimate.value) <= self.largest and estimate.may_exceed(estimate.change.least)
             for estimate in estimates
         )
 
     def parameters(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
     ) -> Parameters:
-        """Return the numbers that the recording determines."""
+        """Return the numbers by the names of the changes."""
         return {
             estimate.change.name: EffectParameter(
                 float(estimate.value), estimate.std, estimate.change.unit
             )
             for estimate in estimates
-            if estimate.determined
         }

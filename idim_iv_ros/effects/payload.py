@@ -58,15 +58,15 @@ class Payload(ParametricEffect):
         assert joint is not None
         named = {estimate.change.name: estimate for estimate in estimates}
         mass = named.get("mass")
-        there = dict.fromkeys(_CHECKED, 0.0)
-        if mass is not None and mass.determined and mass.value < 0.0:
+        there, sign = dict.fromkeys(_CHECKED, 0.0), 1.0
+        if mass is not None and mass.value < 0.0:
+            sign = -1.0
             given = space.model.robot.given.of_bodies[joint]
             there = dict(zip(INERTIAL, map(float, given), strict=True))
         for kind in _CHECKED:
             change = named.get(_NAMES[kind])
-            if change is not None and change.exceeds(-there[kind]) is False:
+            if change is not None and not change.may_exceed(-there[kind]):
                 return False
-        sign = -1.0 if mass is not None and mass.determined and mass.value < 0.0 else 1.0
         size = _size(space.model.robot, joint)
         return _near(named, sign, size) and _rigid_body(named, sign)
 
@@ -91,11 +91,11 @@ def _size(robot: RobotModel, joint: int) -> float:
 
 
 def _ends(named: Mapping[str, Estimated], names: Sequence[str], sign: float) -> FloatArray:
-    """Least and largest value (2, k) of some numbers; infinite where they are not determined."""
+    """Least and largest value (2, k) of some numbers; infinite where they do not change."""
     ends = []
     for name in names:
         estimate = named.get(name)
-        if estimate is None or estimate.std is None:
+        if estimate is None:
             ends.append((-np.inf, np.inf))
         else:
             room = CLEARLY * estimate.std

@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.waves import WaveEffect, Waves, wave, wave_columns, wave_specs
 from idim_iv_ros.types import FloatArray
@@ -59,10 +59,9 @@ class PositionDependentFriction(WaveEffect):
     )
     laws = (_SPOT, _WAVES)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Waves | TightSpot]:
+    def grid(self, covered: JointRange) -> list[Waves | TightSpot]:
         """Shapes with a single wave, and with a single tight spot."""
-        low, high = covered.low[place.joint], covered.high[place.joint]
-        span = float(high - low)
+        low, high, span = covered.low, covered.high, covered.span
         if span <= 0.0:
             return []
         spots = [
@@ -71,23 +70,26 @@ class PositionDependentFriction(WaveEffect):
             for centre in np.linspace(low - _BEYOND * span, high + _BEYOND * span, 31)
             if low - width * span < centre < high + width * span
         ]
-        return [*super().grid(place, covered), *spots]
+        return [*super().grid(covered), *spots]
 
     def branches(self, grid: Sequence[Waves | TightSpot]) -> list[Sequence[Waves | TightSpot]]:
         """Waves and spots: one wave may fit worse than a spot, and two better."""
         return [[shape for shape in grid if isinstance(shape, kind)] for kind in (Waves, TightSpot)]
 
     def neighbours(
-        self, shape: Waves | TightSpot, step: float, place: Place, covered: OperatingRange
+        self, shape: Waves | TightSpot, step: float, covered: JointRange
     ) -> list[Waves | TightSpot]:
         """Shapes with nearby wave numbers, or with a nearby centre and width."""
         if isinstance(shape, Waves):
-            return super().neighbours(shape, step, place, covered)
+            return super().neighbours(shape, step, covered)
         centre, width = shape.centre, shape.width
         moved = [TightSpot(centre + sign * step * width, width) for sign in (1.0, -1.0)]
         moved += [TightSpot(centre, width * (1 + step)), TightSpot(centre, width / (1 + step))]
-        low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
-        return [spot for spot in moved if low - spot.width < spot.centre < high + spot.width]
+        return [
+            spot
+            for spot in moved
+            if covered.low - spot.width < spot.centre < covered.high + spot.width
+        ]
 
     def names(self, shape: Waves | TightSpot) -> tuple[str, ...]:
         """Amplitudes of the waves, or the height of the spot."""

@@ -10,7 +10,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
 from idim_iv_ros.effects.effect import (
-    OperatingRange,
+    JointRange,
     Place,
     Shape,
     ShareOf,
@@ -100,18 +100,18 @@ class Presliding(StructuralEffect[BristleShape]):
     )
     laws = (_LAW,)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[BristleShape]:
+    def grid(self, covered: JointRange) -> list[BristleShape]:
         """Spans from what a reversal crosses within a part of a row to 0.15 of the range.
 
         Shorter ones cannot be told from a joint that turns a row earlier or later.
         """
-        span = covered.span(place.joint)
+        span = covered.span
         if span <= 0.0:
             return []
-        acceleration = 2.0 * float(covered.fastest[place.joint]) ** 2 / span
+        acceleration = 2.0 * covered.fastest**2 / span
         rows = _LEAST_ROWS if covered.sticking else _ROWS_BESIDE_REVERSAL
         crossed = 0.5 * acceleration * (rows / covered.row_rate) ** 2
-        least = max(1e-4 * float(covered.lever[place.joint]), crossed)
+        least = max(1e-4 * covered.lever, crossed)
         spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(span),)) for span in spans]
 

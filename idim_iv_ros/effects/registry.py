@@ -1,7 +1,7 @@
 """The catalogue: every cause that a file of `effects/` defines, and what all of them declare."""
 
 from importlib import import_module
-from inspect import getmembers, isabstract, isclass
+from inspect import getmembers, isclass
 from pkgutil import iter_modules
 from types import ModuleType
 
@@ -24,9 +24,7 @@ def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
         member()
         for module in modules
         for _, member in getmembers(module, isclass)
-        if member.__module__ == module.__name__
-        and issubclass(member, Cause)
-        and not isabstract(member)
+        if member.__module__ == module.__name__ and issubclass(member, Cause)
     ]
     named = [cause for cause in defined if hasattr(cause, "name")]
     return tuple(sorted(named, key=lambda cause: (cause.kind, cause.order)))

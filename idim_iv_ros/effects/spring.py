@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Element, Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -83,9 +83,9 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
     laws = (_POLYNOMIAL, _BENT)
     element_of = "joint"
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[CubicShape | BentShape]:
+    def grid(self, covered: JointRange) -> list[CubicShape | BentShape]:
         """A polynomial, and both bends with centres over the range and four widths."""
-        low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
+        low, high = covered.low, covered.high
         if high <= low:
             return []
         bent = [
@@ -97,7 +97,7 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         return [CubicShape(low, high), *bent]
 
     def neighbours(
-        self, shape: CubicShape | BentShape, step: float, place: Place, covered: OperatingRange
+        self, shape: CubicShape | BentShape, step: float, covered: JointRange
     ) -> list[CubicShape | BentShape]:
         """Shapes with a nearby centre and width of the bend."""
         if isinstance(shape, CubicShape):

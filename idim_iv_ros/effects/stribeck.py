@@ -10,7 +10,7 @@ from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
 from idim_iv_ros.effects.effect import (
-    OperatingRange,
+    JointRange,
     Place,
     Shape,
     ShareOf,
@@ -62,10 +62,9 @@ class Stribeck(StructuralEffect[StribeckShape]):
     )
     laws = (TorqueLaw(_torque),)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[StribeckShape]:
+    def grid(self, covered: JointRange) -> list[StribeckShape]:
         """Speeds from the slowest that counts to a third of the fastest."""
-        j = place.joint
-        speeds = logarithmic(covered.slowest[j], 0.35 * covered.fastest[j], 8)
+        speeds = logarithmic(covered.slowest, 0.35 * covered.fastest, 8)
         return [StribeckShape(float(v), exponent) for v in speeds for exponent in _EXPONENTS]
 
     def columns(self, motion: RobotMotion, place: Place, shape: StribeckShape) -> Torques:

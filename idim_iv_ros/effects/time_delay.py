@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import CommandDelay
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -42,7 +42,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
     specs = (ParameterSpec("delay", "s", "delay of the torque", bound="not negative"),)
     everywhere = True
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[DelayShape]:
+    def grid(self, covered: JointRange) -> list[DelayShape]:
         """Delays from 0.3 to 12 ms."""
         return [DelayShape(delay) for delay in _DELAYS]
 
@@ -61,9 +61,7 @@ class TimeDelay(StructuralEffect[DelayShape]):
         """The whole torque is late, not a part of it; short shapes times much are slow loops."""
         return bool(coefficients[0] > 0.4)
 
-    def impossible(
-        self, shape: DelayShape, coefficients: FloatArray, joint: int, covered: OperatingRange
-    ) -> str:
+    def impossible(self, shape: DelayShape, coefficients: FloatArray, covered: JointRange) -> str:
         """Why a delay is longer than any drive's; empty if it is not."""
         delay = float(shape.delay * coefficients[0])
         longest = 1e3 * _LONGEST

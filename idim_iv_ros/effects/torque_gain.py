@@ -46,7 +46,6 @@ class TorqueGain(ParametricEffect):
         """The factor, from the share that the recorded torque is larger."""
         named: Parameters = {}
         for estimate in estimates:
-            if estimate.std is not None:
-                factor = 1.0 / (1.0 + estimate.value)
-                named |= self.numbers(factor=(factor, estimate.std * factor**2))
+            factor = 1.0 / (1.0 + estimate.value)
+            named |= self.numbers(factor=(factor, estimate.std * factor**2))
         return named

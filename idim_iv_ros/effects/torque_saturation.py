@@ -8,7 +8,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import DriveLaw
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, ShareOf, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -49,16 +49,14 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
     )
     laws = (DriveLaw(_curve, rank=0),)
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[KneeShape]:
+    def grid(self, covered: JointRange) -> list[KneeShape]:
         """Knees from 15 to 95 % of the largest torque."""
-        largest = covered.torque[place.joint]
+        largest = covered.torque
         return [KneeShape(float(share * largest)) for share in np.linspace(0.15, 0.95, 17)]
 
-    def neighbours(
-        self, shape: KneeShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[KneeShape]:
+    def neighbours(self, shape: KneeShape, step: float, covered: JointRange) -> list[KneeShape]:
         """Shapes with a nearby knee, in smaller steps: few rows lie beyond it."""
-        return super().neighbours(shape, 0.3 * step, place, covered)
+        return super().neighbours(shape, 0.3 * step, covered)
 
     def columns(self, motion: RobotMotion, place: Place, shape: KneeShape) -> Torques:
         """Torque beyond the knee."""

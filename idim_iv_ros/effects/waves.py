@@ -9,7 +9,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
-from idim_iv_ros.effects.effect import OperatingRange, Place, Shape, StructuralEffect
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -93,26 +93,23 @@ class WaveEffect(StructuralEffect[Any]):
     periods: ClassVar[float] = 1.5
     lowest: ClassVar[float] = 2.5
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Any]:
+    def grid(self, covered: JointRange) -> list[Any]:
         """Shapes with a single wave.
 
         The finest is what the slowest motion that counts shows below the rows' Nyquist frequency.
         """
-        span = covered.span(place.joint)
+        span = covered.span
         if span <= 0.0:
             return []
-        lever = float(covered.lever[place.joint])
-        low = max(self.periods * 2.0 * np.pi / span, self.lowest / lever)
-        visible = np.pi * covered.row_rate / max(3.0 * covered.slowest[place.joint], 1e-6)
-        high = min(_HIGHEST / lever, max(visible, low))
+        low = max(self.periods * 2.0 * np.pi / span, self.lowest / covered.lever)
+        visible = np.pi * covered.row_rate / max(3.0 * covered.slowest, 1e-6)
+        high = min(_HIGHEST / covered.lever, max(visible, low))
         step = max(2.0 * np.pi / span / _FINEST, (high - low) / _MOST)
         return [Waves((float(number),)) for number in np.arange(low, high, step)]
 
-    def neighbours(
-        self, shape: Any, step: float, place: Place, covered: OperatingRange
-    ) -> list[Any]:
+    def neighbours(self, shape: Any, step: float, covered: JointRange) -> list[Any]:
         """Each wave number a little higher and lower, by a share of the resolution 2π / span."""
-        resolution = 2.0 * np.pi / covered.span(place.joint)
+        resolution = 2.0 * np.pi / covered.span
         numbers = shape.wave_numbers
         near = [
             Waves((*numbers[:k], max(number + way * step * resolution, 1e-3), *numbers[k + 1 :]))
@@ -121,17 +118,16 @@ class WaveEffect(StructuralEffect[Any]):
         ]
         return [neighbour for neighbour in near if _apart(neighbour, resolution)]
 
-    def longer(self, shape: Any, place: Place, covered: OperatingRange) -> list[tuple[Any, Any]]:
+    def longer(self, shape: Any, covered: JointRange) -> list[Any]:
         """Shapes with a further wave.
 
         Waves nearer to each other than the resolution are a beat, whose amplitudes may be anything.
         """
-        longer = super().longer(shape, place, covered)
+        longer = super().longer(shape, covered)
         if len(longer) < 2:
             return []
-        (_, first), (_, second) = longer[:2]
-        resolution = _FINEST * (second.wave_numbers[0] - first.wave_numbers[0])
-        return [pair for pair in longer if _apart(pair[0], resolution)]
+        first, second = (shape.wave_numbers[-1] for shape in longer[:2])
+        return [shape for shape in longer if _apart(shape, _FINEST * (second - first))]
 
     def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Any]) -> list[Torques]:
         """Sine and cosine of all waves of every shape, computed at once."""

@@ -190,8 +190,8 @@ def missed(
         for rms in stages[-1].torque_rms.values()
     ]
     whole = SimpleNamespace(residuals=[np.array([size, -size]) for size in data.torque_sizes])
-    explanation: Any = SimpleNamespace(whole=whole, floors=floors)
-    return unexplained_residual(data, explanation, stages)
+    explanation: Any = SimpleNamespace(data=data, whole=whole, floors=floors)
+    return unexplained_residual(explanation, stages)
 
 
 def test_joints_that_miss_much_are_listed_the_worst_first(data: Baseline) -> None:

@@ -115,8 +115,8 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
     assert [curve.effect.name for curve in selection.curves] == (
         ["contact beyond a position"] if one_sided else []
     )
-    explanation = explained(replace(data, regression=rows), selection)
-    hints = [hint.effect for hint in hints_of(data, explanation)]
+    explanation = explained(selection)
+    hints = [hint.effect for hint in hints_of(explanation)]
     assert hints.count("spring") == one_sided
 
 
@@ -170,9 +170,9 @@ def test_friction_that_starts_anew_is_told_from_that_of_the_session(two_recordin
 
 
 def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
-    regression, selection = single(0)
-    explanation = explained(replace(data, regression=regression), selection)
-    (cause,) = structural_causes(data, explanation, [None])
+    _, selection = single(0)
+    explanation = explained(selection)
+    (cause,) = structural_causes(explanation, [None])
     assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
     assert cause.probability is not None and cause.probability > 0.8
     assert cause.parameters["excess"].value == pytest.approx(0.5, abs=0.1)
@@ -184,9 +184,9 @@ def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None
 
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
     regression = world(data, 3, 0, pulses)
-    explanation = explained(replace(data, regression=regression), selected(data, regression))
+    explanation = explained(selected(data, regression))
     assert (explanation.effects, explanation.numbers) == ((), ())
-    rest = unexplained(data, explanation)
+    rest = unexplained(explanation)
     assert rest is not None
     assert (rest.joint, rest.family) == ("joint_1", "event")
     listed = [float(time) for time in re.findall(r"([0-9.]+) s of simulated", rest.where)]

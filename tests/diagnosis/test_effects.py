@@ -18,7 +18,7 @@ from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.backlash import BacklashShape
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
 from idim_iv_ros.effects.contribution import STATES, CouplingTerm, Instant, Load, Torque, TorqueTerm
-from idim_iv_ros.effects.effect import Effect, JointScale, OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.effects.elasticity import ShaftShape
 from idim_iv_ros.effects.encoder_eccentricity import DiscShape
 from idim_iv_ros.effects.friction_drift import DriftShape
@@ -43,20 +43,24 @@ BY_NAME: dict[str, Effect] = {effect.name: effect for effect in STRUCTURAL}
 FloatArray = np.ndarray
 
 
-def operating_range_of(motion: SmoothMotion) -> OperatingRange:
-    return OperatingRange(
-        low=motion.position.min(axis=0),
-        high=motion.position.max(axis=0),
-        slowest=np.full(2, 0.02),
-        fastest=np.abs(motion.velocity).max(axis=0),
-        mean_speed=np.abs(motion.velocity).mean(axis=0),
-        load=np.abs(motion.load).max(axis=0),
-        torque=np.abs(motion.torque).max(axis=0),
-        inertia=np.mean(np.einsum("sii->si", motion.inertia), axis=0),
+def joint_range_of(motion: SmoothMotion, joint: int) -> JointRange:
+    position, velocity = motion.position[:, joint], motion.velocity[:, joint]
+    return JointRange(
+        low=float(position.min()),
+        high=float(position.max()),
+        slowest=0.02,
+        fastest=float(np.abs(velocity).max()),
+        mean_speed=float(np.abs(velocity).mean()),
+        load=float(np.abs(motion.load[:, joint]).max()),
+        torque=float(np.abs(motion.torque[:, joint]).max()),
+        dry_friction=1.0,
+        inertia=float(np.mean(motion.inertia[:, joint, joint])),
+        lever=1.0,
         duration=float(motion.time[-1]),
         longest=float(motion.elapsed[-1]),
         row_rate=50.0,
-        lever=np.ones(2),
+        sticking=True,
+        left_out=False,
     )
 
 
@@ -204,9 +208,9 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
     motion = synthetic(3.0)
-    covered = operating_range_of(motion)
     for place in effect.places(2):
-        grid = effect.grid(place, covered)
+        covered = joint_range_of(motion, place.joint)
+        grid = effect.grid(covered)
         assert 0 < len(grid) <= 700
         assert len(set(grid)) == len(grid)
         parts = [shape for part in effect.branches(grid) for shape in part]
@@ -220,7 +224,7 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
             numbers = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
             assert all(np.isfinite(parameter.value) for parameter in numbers.values())
             for step in (0.3, 0.07):
-                for near in effect.neighbours(shape, step, place, covered):
+                for near in effect.neighbours(shape, step, covered):
                     assert type(near) is type(shape)
                     assert len(near.numbers) == len(shape.numbers)
                     assert np.isfinite(near.numbers).all()
@@ -231,9 +235,8 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
 def test_a_joint_that_stands_still_does_no_harm(effect: Effect) -> None:
     """No shape, or finite torques (columns of zeros count for nothing, see the likelihood)."""
     motion = synthetic(2.0, still=1)
-    covered = operating_range_of(motion)
     place = effect.places(2)[-1]
-    for shape in effect.grid(place, covered):
+    for shape in effect.grid(joint_range_of(motion, place.joint)):
         columns = effect.columns(motion, place, shape)
         assert all(np.isfinite(rows).all() for rows in columns.values())
 
@@ -272,7 +275,7 @@ SHAPES = {"encoder_eccentricity": DiscShape(True)}
 def test_parameters_have_their_names_and_units(effect: Effect) -> None:
     motion = synthetic(1.0)
     place = effect.places(2)[0]
-    shape = SHAPES.get(effect.name) or effect.grid(place, operating_range_of(motion))[0]
+    shape = SHAPES.get(effect.name) or effect.grid(joint_range_of(motion, place.joint))[0]
     width = effect.columns(motion, place, shape)[place.joint].shape[1]
     numbers = effect.parameters(shape, np.full(width, 0.5), np.full(width, 0.1))
     units = {name: parameter.unit for name, parameter in numbers.items()}
@@ -284,26 +287,22 @@ def test_parameters_have_their_names_and_units(effect: Effect) -> None:
 
 
 def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> None:
-    turning = replace(
-        operating_range_of(synthetic()), low=np.array([-1.0, -0.1]), high=np.array([1.0, 0.1])
-    )
-    sliding = replace(turning, slowest=np.full(2, 0.002), lever=np.array([1.0, 0.1]))
-    place = Place(1)
+    turning = replace(joint_range_of(synthetic(), 1), low=-0.1, high=0.1)
+    sliding = replace(turning, slowest=0.002, lever=0.1)
     pitch = 0.01  # m, of a ball screw
-    ripple = [shape.wave_numbers[0] for shape in BY_NAME["position_ripple"].grid(place, sliding)]
+    ripple = [shape.wave_numbers[0] for shape in BY_NAME["position_ripple"].grid(sliding)]
     assert min(ripple) < 2.0 * np.pi / pitch < max(ripple)
-    finest = BY_NAME["position_ripple"].grid(place, turning)[-1]
+    finest = BY_NAME["position_ripple"].grid(turning)[-1]
     assert finest.wave_numbers[0] <= 250.0
-    gaps = [shape.gap for shape in BY_NAME["backlash"].grid(place, sliding)]
+    gaps = [shape.gap for shape in BY_NAME["backlash"].grid(sliding)]
     assert max(gaps) == pytest.approx(0.004)
-    slow = replace(sliding, fastest=np.full(2, 1e-4))
-    spans = [shape.spans[0] for shape in BY_NAME["presliding"].grid(place, slow)]
+    slow = replace(sliding, fastest=1e-4)
+    spans = [shape.spans[0] for shape in BY_NAME["presliding"].grid(slow)]
     assert min(spans) == pytest.approx(1e-5)  # of a joint that turns slowly
     play = BY_NAME["backlash"]
     for gap, common in ((0.9e-4, True), (0.5e-3, False)):  # m
         shape = BacklashShape(gap, 1e5, 10.0, 1.0)
-        scale = JointScale(sliding, 1, 1.0)
-        assert play.plausible(shape, np.ones(1), 1.0, scale) == common
+        assert play.plausible(shape, np.ones(1), 1.0, sliding) == common
 
 
 @pytest.mark.parametrize(
@@ -323,31 +322,25 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
 def test_sizes_that_are_no_torque_have_a_bound_of_their_own(name, shape, common, large) -> None:
     """Of a joint with 0.1 kg m²; no torque is too large."""
     effect = BY_NAME[name]
-    scale = JointScale(
-        replace(operating_range_of(synthetic()), inertia=np.array([9.0, 0.1])), 1, 1.0
-    )
-    assert effect.plausible(shape, np.array(common), 1e3, scale)
-    assert not effect.plausible(shape, np.array(large), 0.0, scale)
+    covered = replace(joint_range_of(synthetic(), 1), inertia=0.1)
+    assert effect.plausible(shape, np.array(common), 1e3, covered)
+    assert not effect.plausible(shape, np.array(large), 0.0, covered)
 
 
 @pytest.mark.parametrize(
     ("name", "poor", "reason"),
     [
-        ("stribeck", {"fastest": [2.0, 0.2]}, "too slow"),
-        ("nonlinear_viscous", {"fastest": [2.0, 0.2]}, "too slow"),
-        ("encoder_eccentricity", {"low": [0.0, 0.0], "high": [1.0, 0.4]}, "looks constant"),
-        ("encoder_eccentricity", {"lever": [1.0, 0.1]}, "looks constant"),
+        ("stribeck", {"fastest": 0.2}, "too slow"),
+        ("nonlinear_viscous", {"fastest": 0.2}, "too slow"),
+        ("encoder_eccentricity", {"high": 0.4}, "looks constant"),
+        ("encoder_eccentricity", {"lever": 0.1}, "looks constant"),
     ],
 )
 def test_motion_that_cannot_show_an_effect(name, poor, reason) -> None:
-    rich = replace(
-        operating_range_of(synthetic()), fastest=np.full(2, 2.0), low=np.zeros(2), high=np.ones(2)
-    )
-    rich = replace(rich, duration=60.0)
-    arrays = {k: np.array(v) if isinstance(v, list) else v for k, v in poor.items()}
+    rich = replace(joint_range_of(synthetic(), 1), fastest=2.0, low=0.0, high=1.0, duration=60.0)
     for effect in STRUCTURAL:
-        assert effect.cannot_show(1, rich) == ""
-    assert reason in BY_NAME[name].cannot_show(1, replace(rich, **arrays))
+        assert effect.cannot_show(rich) == ""
+    assert reason in BY_NAME[name].cannot_show(replace(rich, **poor))
 
 
 IN_ORDER = (
@@ -472,8 +465,9 @@ def allowed(
 ) -> bool:
     none = np.zeros(space.size)
     estimates = [
-        Estimated(Change(name, "", none), value, None if name == unknown else std)
+        Estimated(Change(name, "", none), value, std)
         for name, value in numbers.items()
+        if name != unknown
     ]
     return Payload().admissible(space, space.joints - 1, estimates)
 

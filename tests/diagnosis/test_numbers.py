@@ -34,12 +34,12 @@ def data() -> Baseline:
 
 def explanation_of(data: Baseline, regression: Regression) -> Explained:
     other = replace(data, regression=regression)
-    return explained(other, select(Catalogue(other), torque_ledger(other)))
+    return explained(select(Catalogue(other), torque_ledger(other)))
 
 
 def causes_of(data: Baseline, regression: Regression) -> list[Cause]:
     """Parametric causes of a world."""
-    return parametric_causes(data, explanation_of(data, regression))[0]
+    return parametric_causes(explanation_of(data, regression))[0]
 
 
 def names(causes: list[Cause]) -> list[tuple[str, str | None]]:
@@ -55,9 +55,8 @@ def covers(cause: Cause, name: str, true: float, deviations: float = 3.0) -> boo
 def errors_of_everything(data: Baseline, seed: int, size: float) -> np.ndarray:
     """Change (b,) of the base parameters: errors of all links, drives and frictions."""
     model = data.prepared.model
-    standard = np.hstack(
-        [errors_of_links(model), errors_of_drives(model, np.array(data.torque_sizes))]
-    )
+    drives = errors_of_drives(model, np.array(data.torque_sizes), model.robot.given)
+    standard = np.hstack([errors_of_links(model), drives])
     change = standard @ (size * np.random.default_rng(seed).standard_normal(standard.shape[1]))
     return np.asarray(model.base.grouping @ change)
 
@@ -69,7 +68,7 @@ def test_errors_of_a_weak_drive_are_as_small_as_the_drive(data: Baseline) -> Non
     other = replace(model, robot=replace(model.robot, given=strong))
     places = [k for k, number in enumerate(layout.parameters) if number.kind == "Fc"]
     for torques, sizes in (([100.0, 2.0], [5.0, 0.1]), ([100.0, 100.0], [5.0, 2.55])):
-        changes = errors_of_drives(other, np.array(torques))
+        changes = errors_of_drives(other, np.array(torques), given)
         np.testing.assert_allclose(np.diag(changes)[places], sizes)
 
 
@@ -78,8 +77,8 @@ def test_nothing_is_wrong_where_nothing_was_changed(data: Baseline) -> None:
         regression = world(data, seed)
         explanation = explanation_of(data, regression)
         assert (explanation.effects, explanation.numbers) == ((), ())
-        assert parametric_causes(data, explanation)[0] == []
-        assert unexplained(data, explanation) is None
+        assert parametric_causes(explanation)[0] == []
+        assert unexplained(explanation) is None
         assert missing_gravity(data) is None
 
 
@@ -196,7 +195,7 @@ def test_friction_that_the_file_does_not_give_is_named_at_every_joint(
     bare.write_text(re.sub("<dynamics [^>]*/>", "", text))
     data = baseline([recorded(arm, 1)], changed(arm.configuration, "robot", urdf=bare))
     explanation = explanation_of(data, data.regression)
-    causes = parametric_causes(data, explanation)[0]
+    causes = parametric_causes(explanation)[0]
     assert explanation.effects == ()
     assert sorted(names(causes)) == [("friction_level", joint) for joint in data.joints]
     for cause in causes:

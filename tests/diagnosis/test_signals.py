@@ -117,24 +117,23 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
 
 
 def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Baseline) -> None:
-    assert friction.turning_friction(data) is None
-    assert refitted([recorded(arm, 1)], arm.configuration, ()).turning is None
+    assert friction.turning_friction(data).leads == {}
+    assert refitted([recorded(arm, 1)], arm.configuration, ()).turning.leads == {}
 
 
 def test_friction_that_turns_when_it_was_measured_to_is_no_solvers(data: Baseline) -> None:
     """A simulated loop that turns its joints at other times than the robot did."""
     late = tuple(replace(m, slip=np.roll(m.slip, 4, axis=0)) for m in data.motions)
     turning = friction.turning_friction(data.on(late))
-    assert turning is not None
-    np.testing.assert_array_equal(turning.leads, 0.0)
+    assert set(turning.leads.values()) == {0.0}
     assert (turning.soft_leads(data.joints), turning.sentence(data.joints)) == ({}, "")
 
 
 @pytest.mark.parametrize("softer", [(0, 1), (1,)])
 def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...]) -> None:
     """Of one joint in two it may be the joint's own: friction that the model lacks."""
-    leads = np.array([LEAD if joint in softer else np.nan for joint in (0, 1)])
-    changed = friction.TurningFriction(leads, np.array([2e-3, 5e-3])).put_into(data)
+    leads = dict.fromkeys(softer, LEAD)
+    changed = friction.TurningFriction(leads, {0: 2e-3, 1: 5e-3}).put_into(data)
     (new,), (old,), rows = changed.motions, data.motions, []
     for joint, row in enumerate(data.rows):
         extra = new.rows(old.whole.coulomb[joint] * (new.slip - old.slip)[:, [joint]])
@@ -142,8 +141,7 @@ def test_a_lead_at_most_joints_is_found(data: Baseline, softer: tuple[int, ...])
     robot = replace(data, regression=replace(data.regression, joints=tuple(rows)))
     turning = friction.turning_friction(robot)
     if len(softer) == 1:
-        assert turning is None
+        assert turning.leads == {}
         return
-    assert turning is not None
-    np.testing.assert_allclose(turning.leads, LEAD, atol=1.6e-3)
+    np.testing.assert_allclose(list(turning.leads.values()), LEAD, atol=1.6e-3)
     assert "joint_1, joint_2" in turning.sentence(data.joints)

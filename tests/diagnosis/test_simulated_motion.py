@@ -137,10 +137,11 @@ def effect_of(name: str, **numbers: float) -> Any:
 def test_effects_that_cannot_be_simulated_do_not_end_the_simulation(data: Baseline) -> None:
     fit = SimpleNamespace(values=data.estimate.linear.values, coefficients=np.zeros(2))
     effects = (effect_of("no such effect"), effect_of("spring", linear=40.0))
+    regression = SimpleNamespace(blocks=(slice(0, 1), slice(1, 2)))
     explanation: Any = SimpleNamespace(
-        effects=effects, fits=[fit] * 3, fit=fit, block=lambda number: slice(number, number + 1)
+        data=data, effects=effects, fits=[fit] * 3, fit=fit, regression=regression
     )
-    _, refit, unknown, spring = tracked_stages(data, explanation)
+    _, refit, unknown, spring = tracked_stages(explanation)
     assert (refit.note, refit.caveat) == ("", "")
     assert (unknown.note, unknown.rms) == ("", refit.rms)
     assert "no such effect" in unknown.caveat
@@ -189,7 +190,7 @@ def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(base, 
         {candidate.kind for candidate in Catalogue(one).candidates} for one in (ampere, base)
     ]
     assert [Kind.NUMBER in kinds for kinds in numbers] == [False, True]
-    gaps, _ = where(ampere, fit, noise_floors(base, fit, ()))
+    gaps, _ = where(ampere, noise_floors(base, fit, ()))
     assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
     units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
     assert units <= {"A"}
@@ -222,7 +223,7 @@ def test_the_refit_tracks_better_than_the_given_model(base: Baseline) -> None:
     assert gap.before == pytest.approx(before.rms["joint_1"])
     assert gap.shrinkage is not None
     assert gap.shrinkage > 0.3
-    series = tracking_series(base, before, after)
+    series = tracking_series(before, after)
     assert len(series) == 4
     assert max(len(one.time) for one in series) <= 1500
     assert series[0].after is not None

@@ -32,7 +32,7 @@ def torques_of(
 ) -> tuple[JointTorque, ...]:
     """RMS of their torque in the recordings where they act, at joints where it matters."""
     data, place = sets.data, terms[0].candidate.place
-    inside = recordings or frozenset().union(*(t.candidate.scope or () for t in terms))
+    inside = recordings or frozenset().union(*(t.candidate.scope for t in terms))
     first = None if place is None else data.joints[place.joint]
     sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
     made = [
@@ -46,7 +46,7 @@ def torques_of(
 
 def structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
-    data, space, made = sets.data, changes.selection.comparison.catalogue.space, []
+    data, space, made = sets.data, changes.selection.catalogue.space, []
     places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
     for term in changes.accepted:
         if term.is_effect:
@@ -117,7 +117,7 @@ def _of_terms(
     times = min(changes.accepted[term] for term in terms)
     return _cause(
         sets,
-        terms[0].key[0],
+        terms[0].key.effect,
         evidence=Evidence(statistic, chosen_in_folds=times),
         indistinguishable_from=others,
         torques=torques,
@@ -168,13 +168,13 @@ def _law_cause(
 ) -> list[ContrastCause]:
     """What one joint is controlled by otherwise in the second set; none where in nothing."""
     change = law_change(rows)
-    differing = [term for term in change.terms if term.key[3] is not None]
+    differing = [term for term in change.terms if term.key.scope]
     if not differing:
         return []
     groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
     command = np.zeros(len(rows.rest))
     for term in differing:
-        name, value = term.key[0], float(term.coefficients[0])
+        name, value = term.key.effect, float(term.coefficients[0])
         common, std = change.changes.get(name, (0.0, 0.0))
         groups[0][name] = common, std
         groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))

@@ -5,13 +5,13 @@ interval: a wrong number that looks certain. So within one set numbers may diffe
 recording, beside the effects that all of them have.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
@@ -40,7 +40,7 @@ class Changes:
     @property
     def common(self) -> tuple[Term, ...]:
         """Terms of all recordings."""
-        return tuple(term for term in self.selection.model.terms if term.candidate.scope is None)
+        return tuple(term for term in self.selection.model.terms if not term.candidate.scope)
 
 
 def changes_between(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Changes:
@@ -57,17 +57,17 @@ def changes_between(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Cha
     selection = select(catalogue, replace(ledger, gap=tuple(gap)))
     accepted: dict[Term, str] = {}
     doubtful: dict[Term, str] = {}
-    if any(term.candidate.scope is not None for term in selection.terms):
+    if any(term.candidate.scope for term in selection.terms):
         chosen = chosen_without(selection, quarters(data, ledger))
         for term, gains in zip(selection.terms, chosen.gains.T, strict=True):
-            if term.candidate.scope is None:
+            if not term.candidate.scope:
                 continue
-            times = sum(_has(keys, term) for keys in chosen.keys)
+            times = chosen.times(term)
             often = times >= len(chosen.keys) - 1 and float(gains.sum()) > 0.0
             matters = often and float(term.whole.max()) >= settings.LEAST_SHARE
             (accepted if matters else doubtful)[term] = f"{times} of {len(chosen.keys)}"
     for curve in selection.curves:
-        if curve.candidate.scope is not None:
+        if curve.candidate.scope:
             (accepted if curve.presence >= settings.PRESENCE else doubtful)[curve] = ""
     return Changes(selection, accepted, doubtful)
 
@@ -86,13 +86,6 @@ def quarters(data: Baseline, ledger: Ledger) -> IntArray:
     folds = int(settings.FOLDS)
     turn = np.where(blocks_of < folds, recording, 0)  # short ones take turns
     return np.asarray((place * folds // np.maximum(blocks_of, folds) + turn) % folds)
-
-
-def _has(keys: Collection[Key], term: Term) -> bool:
-    """Whether a set has a term or a rival of it, for some of its recordings at least."""
-    names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
-    scope = term.candidate.scope or frozenset()
-    return any(key[:3] in names and scope & (key[3] or frozenset()) for key in keys)
 
 
 def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArray:
@@ -125,7 +118,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 
     A change of all recordings of a set and one of a single recording of it add up there.
     """
-    model, space = changes.selection.model, changes.selection.comparison.catalogue.space
+    model, space = changes.selection.model, changes.selection.catalogue.space
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
     for term, block in zip(model.terms, model.blocks, strict=True):
         if term.candidate.kind is Kind.NUMBER and term in changes.accepted:
@@ -133,7 +126,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
     made = []
     for (_, joint), parts in places.items():
         groups: dict[tuple[int, ...], list[int]] = {}
-        scopes = [term.candidate.scope or frozenset() for term, _ in parts]
+        scopes = [term.candidate.scope for term, _ in parts]
         for recording in sorted(frozenset().union(*scopes)):
             there = tuple(k for k, scope in enumerate(scopes) if recording in scope)
             groups.setdefault(there, []).append(recording)

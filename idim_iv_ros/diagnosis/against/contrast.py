@@ -105,7 +105,7 @@ def contrast_of(
         *(
             f"{name}: {refit.turning.sentence(data.joints)}"
             for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
-            if refit.turning is not None and refit.turning.soft
+            if refit.turning.soft
         ),
         "the recordings of the second set do not agree and were compared apart: "
         f"{'; '.join(', '.join(group) for group in groups)}"
@@ -279,14 +279,14 @@ def _with_numbers_of_second(
 
 def _moved(sets: TwoSets, term: Term) -> dict[int, FloatArray]:
     """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    shape, sign = term.shape, 1.0
     columns: Columns = term.columns
-    if term.candidate.scope is None:
+    sign = 1.0
+    if not term.candidate.scope:
         return {}
     if side_of(sets, term) == "reference":
-        if shape is None:
-            return {}  # a number
-        (columns,) = rows_of(sets.data, term.effect, term.place, [shape])
+        if term.candidate.kind is Kind.NUMBER:
+            return {}
+        (columns,) = rows_of(sets.data, term.effect, term.place, [term.shape])
         sign = -1.0
     return {
         joint: sign * (rows @ term.coefficients) * sets.inside[joint]

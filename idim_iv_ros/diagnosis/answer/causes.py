@@ -13,7 +13,6 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.noise_floor import common_floor
 from idim_iv_ros.diagnosis.result.causes import (
     Cause,
     Evidence,
@@ -48,7 +47,7 @@ def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
     notes = []
     for term in terms:
         effect = term.candidate.effect
-        if isinstance(effect, SignalError) and term.shape is not None:
+        if isinstance(effect, SignalError):
             joint = joints[term.place.joint]
             said = effect.note(joint, term.shape, term.coefficients, term.deviations)
             notes.append(said and said + sentences.or_else(rivals_of(joints, [term])))
@@ -56,20 +55,20 @@ def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
 
 
 def structural_causes(
-    data: Baseline, explanation: Explained, simulations: Sequence[SimulationGap | None]
+    explanation: Explained, simulations: Sequence[SimulationGap | None]
 ) -> list[Cause]:
     """One cause for each structural effect.
 
     `simulations`: gap of the simulated motion before and after each effect.
     """
-    causes, tested = [], explanation.tested
+    data, tested, causes = explanation.data, explanation.tested, []
     for number, (judgement, simulation) in enumerate(
         zip(explanation.effects, simulations, strict=True)
     ):
         term, place = judgement.term, judgement.term.place
         gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
         gain, helped, folds = tested.gains[number]
-        numbers = parameters_of(data, explanation, number)
+        numbers = parameters_of(explanation, number)
         cause = Cause(
             effect=term.effect.name,
             kind="structural",
@@ -95,16 +94,14 @@ def structural_causes(
     return causes
 
 
-def parametric_causes(
-    data: Baseline, explanation: Explained
-) -> tuple[list[Cause], tuple[ParameterError, ...]]:
+def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[ParameterError, ...]]:
     """One cause for each wrong number, and what parameter errors make of the gap at each joint.
 
     The number that takes most of the gap beside those before it comes first, after what the
     configuration itself leaves out. The gap is that of the nominal model beside the structural
     causes; errors are empty without a nominal model.
     """
-    ledger = explanation.selection.comparison.options.ledger
+    data, ledger = explanation.data, explanation.selection.comparison.options.ledger
     gap = list(ledger.gap)
     for term in (
         *(effect.term for effect in explanation.effects),
@@ -113,7 +110,7 @@ def parametric_causes(
     ):
         gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
-    left, before, causes = [*explanation.numbers, *explanation.not_given], first, []
+    left, before, causes = list(explanation.numbers), first, []
 
     def without(judgement: JudgedTerm) -> float:
         return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / ledger.sizes))
@@ -123,7 +120,7 @@ def parametric_causes(
         left = [other for other in left if other is not judgement]
         gap = judgement.term.taken_from(gap)
         after = _rms(gap)
-        causes.append(_parametric_cause(data, explanation, judgement, before, after))
+        causes.append(_parametric_cause(explanation, judgement, before, after))
         before = after
     if data.prepared.given is None:
         return causes, ()
@@ -142,7 +139,6 @@ def _rms(gap: Sequence[FloatArray]) -> FloatArray:
 
 
 def _parametric_cause(
-    data: Baseline,
     explanation: Explained,
     judgement: JudgedTerm,
     before: FloatArray,
@@ -151,8 +147,7 @@ def _parametric_cause(
     """One wrong number, with the gap (n_joints,) before and after it is corrected, N m (N)."""
     term, effect = judgement.term, judgement.term.candidate.effect
     assert isinstance(effect, ParametricEffect)
-    space = explanation.selection.comparison.catalogue.space
-    joint = term.key[1]
+    data, space, joint = explanation.data, explanation.selection.catalogue.space, term.key.joint
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
     if joint is not None and term.candidate.is_not_given(space):
@@ -167,7 +162,8 @@ def _parametric_cause(
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
     which = list(range(len(data.joints))) if joint is None else [joint]
     one, two = (float(np.linalg.norm(stage[which])) for stage in (before, after))
-    floor = common_floor([explanation.floors[number] for number in which])
+    noise = [explanation.floors[number].sigma for number in which]
+    floor = None if None in noise else float(np.linalg.norm(np.array(noise, dtype=float)))
     cause = Cause(
         effect=effect.name,
         kind="parametric",
@@ -196,10 +192,9 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
     )
 
 
-def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
+def hints_of(explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
-    made, last = [], explanation.tested.stages[-1]
-    space = explanation.selection.comparison.catalogue.space
+    data, space, made = explanation.data, explanation.selection.catalogue.space, []
     for judgement in explanation.doubtful:
         term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
@@ -207,13 +202,13 @@ def hints_of(data: Baseline, explanation: Explained) -> tuple[Hint, ...]:
         joints = [data.joints[joint] for joint in place.joints]
         numbers = data.in_units_at(place.joint, term.parameters(space))
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
-        rest = last.torque_rms[joints[0]]
+        rest = explanation.tested.stages[-1].torque_rms[joints[0]]
         made.append(
             Hint(
-                effect=term.key[0],
+                effect=term.key.effect,
                 joint=joints[0],
                 other_joint=joints[1] if len(joints) > 1 else None,
-                sentence=sentences.hint(term.key[0], joints, numbers, judgement.reason),
+                sentence=sentences.hint(term.key.effect, joints, numbers, judgement.reason),
                 reason=judgement.reason,
                 probability=judgement.too_unsure,
                 parameters=numbers,

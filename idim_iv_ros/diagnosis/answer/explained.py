@@ -16,10 +16,11 @@ from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
-from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, noise_floors, repeats_of
+from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
+from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
@@ -53,18 +54,17 @@ class Explained:
     """What the gap is explained by: causes, and the refit with those that are effects.
 
     `effects`, `numbers`: causes, of structure in the order of the stages, and of the nominal
-    numbers; `not_given`: numbers of which the nominal model says nothing, and that the recording
-    shows; `doubtful`: selected and no causes; `outside`: free curves, and effects that are not
-    adequate: what the catalogue does not explain. `regression`: of the refit, with one block for
-    each of `effects`; `fits`: of the refit, and with the first, the first two … effects; `whole`:
-    with what lies outside the catalogue and matters, and with the numbers that no base parameters
-    hold, too; `tested`: held-out residuals of the stages; `floors`: one for each joint.
+    numbers, last those of which the nominal model says nothing; `doubtful`: selected and no causes;
+    `outside`: free curves, and effects that are not adequate: what the catalogue does not explain.
+    `regression`: of the refit, with one block for each of `effects`; `fits`: of the refit, and with
+    the first, the first two … effects; `whole`: with what lies outside the catalogue and matters,
+    and with the numbers that no base parameters hold, too; `tested`: held-out residuals of the
+    stages; `floors`: one for each joint.
     """
 
     selection: Selection
     effects: tuple[JudgedTerm, ...]
     numbers: tuple[JudgedTerm, ...]
-    not_given: tuple[JudgedTerm, ...]
     doubtful: tuple[JudgedTerm, ...]
     outside: tuple[Term, ...]
     regression: Regression
@@ -74,14 +74,14 @@ class Explained:
     floors: tuple[NoiseFloor, ...]
 
     @property
+    def data(self) -> Baseline:
+        """The refit that candidates are added to."""
+        return self.selection.catalogue.data
+
+    @property
     def fit(self) -> Fit:
         """With all effects."""
         return self.fits[-1]
-
-    def block(self, number: int) -> slice:
-        """Coefficients of one of the effects in a fit with all of them."""
-        start = sum(self.regression.widths[:number])
-        return slice(start, start + self.regression.widths[number])
 
 
 def matters(term: Term) -> bool:
@@ -89,14 +89,15 @@ def matters(term: Term) -> bool:
     return float(term.visible[term.place.joint]) >= settings.LEAST_NONPARAMETRIC
 
 
-def explained(data: Baseline, selection: Selection) -> Explained:
+def explained(selection: Selection) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes.
 
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
-    judgements = _judged_terms(data, selection)
+    repeats = repeats_of(selection.catalogue.data)
+    judgements = _judged_terms(selection, repeats)
     while True:
-        explanation = _tested(data, selection, judgements)
+        explanation = _tested(selection, judgements, repeats)
         idle = {
             effect.term.key
             for number, effect in enumerate(explanation.effects)
@@ -110,7 +111,9 @@ def explained(data: Baseline, selection: Selection) -> Explained:
         ]
 
 
-def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTerm]) -> Explained:
+def _tested(
+    selection: Selection, judgements: Sequence[JudgedTerm], repeats: Sequence[Repeat]
+) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
     judgements = [
         *_without_doubtful(selection, [term for term in judgements if not term.reason]),
@@ -121,6 +124,7 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
     doubtful = tuple(term for term in judgements if term.reason)
+    data, space = selection.catalogue.data, selection.catalogue.space
     regression = data.regression
     fits = [regression.fitted]
     for effect in effects:
@@ -131,13 +135,12 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
         *(d.term for d in doubtful if d.term.is_effect and d.outside),
     )
     more = [term.columns for term in outside if matters(term)]
-    space = selection.comparison.catalogue.space
     more += [
         term.columns
         for term in selection.terms
         if term.candidate.kind is Kind.SIGNAL or term.candidate.is_beside_base_parameters(space)
     ]
-    repeats = repeats_of(data)
+    not_given = _not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1])
     floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
         data,
@@ -150,8 +153,7 @@ def _tested(data: Baseline, selection: Selection, judgements: Sequence[JudgedTer
     return Explained(
         selection=selection,
         effects=effects,
-        numbers=numbers,
-        not_given=_not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1]),
+        numbers=(*numbers, *not_given),
         doubtful=doubtful,
         outside=outside,
         regression=regression,
@@ -166,7 +168,7 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
     """Give causes the numbers that they have where what is doubtful is left out."""
     alone = [*(cause.term for cause in causes), *selection.signals]
     terms = together(selection.comparison, alone)
-    catalogue = selection.comparison.catalogue
+    catalogue = selection.catalogue
     made = []
     for cause, term in zip(causes, terms, strict=False):
         reason = catalogue.why_impossible(
@@ -197,12 +199,11 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
         evidence = 0.5 * float(values @ np.linalg.pinv(spread) @ values)
         deviations = np.sqrt(np.diag(spread))
         small = whole.max() < settings.LEAST_SHARE or evidence < settings.LEAST_SUPPORT
-        if small or comparison.catalogue.why_impossible(candidate, None, values, deviations):
+        if small or comparison.catalogue.why_impossible(candidate, Shape(), values, deviations):
             continue
         term = Term(
             candidate=candidate,
-            option=0,
-            shape=None,
+            shape=Shape(),
             columns=columns,
             coefficients=values,
             deviations=deviations,
@@ -220,7 +221,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     return tuple(made)
 
 
-def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
+def _judged_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[JudgedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first.
 
     Last those in whose place a free curve is likelier.
@@ -231,32 +232,34 @@ def _judged_terms(data: Baseline, selection: Selection) -> list[JudgedTerm]:
         if term.candidate.kind is not Kind.SIGNAL
     ]
     displaced = [
-        JudgedTerm(term, np.zeros(0), 0.0, "", sentences.likelier_curve(data, curve))
+        JudgedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
         for term, curve in selection.displaced
+        for described in [sentences.nonparametric(selection.catalogue.data, curve)]
     ]
     if not terms:
         return displaced
     chosen = chosen_without(selection)
-    remaining = _beyond_noise(data, selection)
+    remaining = _beyond_noise(selection, repeats)
     made = []
     for number, term in terms:
         values = features(selection, number, chosen, remaining)
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
         reason, outside = _why_no_cause(term, beyond)
-        whole = of_set(values, term.key[0])
+        whole = of_set(values, term.key.effect)
         unsure = whole if not reason and whole < settings.LEAST_PROBABILITY else None
         if unsure is not None:
             reason = sentences.too_unsure(unsure, times)
-        odds = probability(values, term.key[0])
+        odds = probability(values, term.key.effect)
         made.append(JudgedTerm(term, values, odds, times, reason, outside, unsure))
     made.sort(key=lambda judgements: -float(judgements.term.visible.max()))
     return made + displaced
 
 
-def _beyond_noise(data: Baseline, selection: Selection) -> FloatArray:
+def _beyond_noise(selection: Selection, repeats: Sequence[Repeat]) -> FloatArray:
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    floors = noise_floors(data, data.regression.fitted, repeats_of(data))
+    data = selection.catalogue.data
+    floors = noise_floors(data, data.regression.fitted, repeats)
     ledger = selection.comparison.options.ledger
     left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
     shares = []
@@ -281,11 +284,12 @@ def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:
     return "", False
 
 
-def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
+def unexplained(explanation: Explained) -> Unexplained | None:
     """Describe the largest residual outside the catalogue; None where there is none.
 
     Where a joint's gap is its noise nothing is unexplained, whatever the shape of the noise.
     """
+    data = explanation.data
     loud = [
         joint
         for joint, floor in enumerate(explanation.floors)
@@ -297,7 +301,7 @@ def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
         joint = largest.place.joint
         # A function that leaves the events takes what follows from them: the law answers.
         both = _events(data, explanation.whole, joint) and _events(data, explanation.fit, joint)
-        return both or _described(data, explanation, largest)
+        return both or _described(explanation, largest)
     events = [
         event for joint in loud if (event := _events(data, explanation.whole, joint)) is not None
     ]
@@ -305,14 +309,14 @@ def unexplained(data: Baseline, explanation: Explained) -> Unexplained | None:
 
 
 def unexplained_residual(
-    data: Baseline, explanation: Explained, stages: Sequence[Stage]
+    explanation: Explained, stages: Sequence[Stage]
 ) -> list[tuple[int, float, float, float]]:
     """Joints at which the last model misses much: (joint, rms, share of the torque, noise).
 
     The largest share first. Less than a percent of the torque is not much, however little the
     nominal model misses; nor is what errors take that no base parameters hold, which no stage has.
     """
-    first, last = stages[0], stages[-1]
+    data, first, last = explanation.data, stages[0], stages[-1]
     missed = []
     for joint, (name, floor) in enumerate(zip(data.joints, explanation.floors, strict=True)):
         rest = last.torque_rms[name]
@@ -329,9 +333,9 @@ def unexplained_residual(
     return sorted(missed, key=lambda joint: -joint[2])
 
 
-def _described(data: Baseline, explanation: Explained, term: Term) -> Unexplained:
+def _described(explanation: Explained, term: Term) -> Unexplained:
     """A term outside the catalogue, with its share of the energy of the whitened residual."""
-    joint = term.place.joint
+    data, joint = explanation.data, term.place.joint
     noise, segments = explanation.whole.noise_models[joint], data.rows[joint].segments
     before, after = (
         float(np.sum(noise.standardized(fit.residuals[joint], segments) ** 2))

@@ -15,9 +15,9 @@ import scipy
 
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
+from idim_iv_ros.diagnosis.refit.baseline import rows_of, with_parameters
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.effects.effect import OperatingRange, Shape
+from idim_iv_ros.effects.effect import JointRange, Shape
 from idim_iv_ros.types import FloatArray
 
 _SHAPE_STEP = 0.01  # of the number of a shape
@@ -25,20 +25,18 @@ _USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anyth
 _COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
-def parameters_of(
-    data: Baseline, explanation: Explained, number: int
-) -> dict[str, EffectParameter]:
+def parameters_of(explanation: Explained, number: int) -> dict[str, EffectParameter]:
     """Parameters of one of the effects, with the coefficients that it has beside nominal errors."""
-    term, block = explanation.effects[number].term, explanation.block(number)
+    term, block = explanation.effects[number].term, explanation.regression.blocks[number]
     effect, shape, coefficients = term.effect, term.shape, term.coefficients
-    assert shape is not None
     inner = explanation.fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     numbers = effect.parameters(shape, coefficients, fixed)
-    near = _near(term, shape, data.covered) if effect.free_shape else []
+    covered = explanation.data.covered[term.place.joint]
+    near = _near(term, shape, covered) if effect.free_shape else []
     if not near:
         return numbers
-    covariance, further = _with_free_shape(data, explanation, term, block, near)
+    covariance, further = _with_free_shape(explanation, number, near)
     slopes = _slopes(term, fixed, [shape, *near])
     variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
     return {
@@ -48,14 +46,14 @@ def parameters_of(
 
 
 def _with_free_shape(
-    data: Baseline, explanation: Explained, term: Term, block: slice, near: list[Shape]
+    explanation: Explained, number: int, near: list[Shape]
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
 
     And by how much the fit would still move each of them, (k + m,).
     """
-    effect, shape, fit = term.effect, term.shape, explanation.fit
-    assert shape is not None
+    term, block = explanation.effects[number].term, explanation.regression.blocks[number]
+    effect, shape, fit, data = term.effect, term.shape, explanation.fit, explanation.data
     # Of the torque that the fit leaves to the model, as `knee` has it.
     own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
     here, *moved = rows_of(own_torque, effect, term.place, [shape, *near])
@@ -76,10 +74,10 @@ def _with_free_shape(
     return covariance - open_share @ covariance, further - open_share @ further
 
 
-def _near(term: Term, shape: Shape, covered: OperatingRange) -> list[Shape]:
+def _near(term: Term, shape: Shape, covered: JointRange) -> list[Shape]:
     """One neighbour for each number, or numbers that move together, of the shape."""
     kept: dict[tuple[int, ...], Shape] = {}
-    for near in term.effect.neighbours(shape, _SHAPE_STEP, term.place, covered):
+    for near in term.effect.neighbours(shape, _SHAPE_STEP, covered):
         pairs = zip(near.numbers, shape.numbers, strict=True)
         moved = tuple(k for k, (a, b) in enumerate(pairs) if a != b)
         if moved:

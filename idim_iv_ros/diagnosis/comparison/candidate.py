@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +26,17 @@ from idim_iv_ros.effects.parametric_effect import (
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.types import BoolArray, FloatArray, SingleArray
 
-Scope = frozenset[int]  # recordings
-Key = tuple[str, int | None, int | None, Scope | None]
+Scope = frozenset[int]  # recordings in which something acts; empty: all
 _LARGEST = 1e12  # N m of a unit coefficient: no hardware
+
+
+class Key(NamedTuple):
+    """Name of an effect, the joints of its place if it has one, and where it acts."""
+
+    effect: str
+    joint: int | None
+    other: int | None
+    scope: Scope
 
 
 class Kind(Enum):
@@ -43,10 +52,10 @@ class Kind(Enum):
 class Candidate:
     """One effect at one place, with all shapes of one width that are tried.
 
-    `place`: None where a number belongs to no joint; `shapes`: one for each option; a number has
-    none and one option, and `changes`; `lines`: torque of unit coefficients by joint, N m, (options
-    × width, r_j): the columns of one option after those of the option before; `width`: columns of
-    an option; `scope`: recordings in which it acts; None: all.
+    `place`: None where a number belongs to no joint; `shapes`: one for each option; that of a
+    number, which has `changes`, has no numbers of its own; `lines`: torque of unit coefficients by
+    joint, N m, (options × width, r_j): the columns of one option after those of the option before;
+    `width`: columns of an option.
     """
 
     kind: Kind
@@ -56,14 +65,13 @@ class Candidate:
     changes: tuple[Change, ...]
     lines: dict[int, SingleArray]
     width: int
-    scope: Scope | None = None
+    scope: Scope = frozenset()
 
     @property
     def key(self) -> Key:
         """Effect, place and scope, whatever the shape."""
-        if self.place is None:
-            return self.effect.name, None, None, self.scope
-        return self.effect.name, self.place.joint, self.place.other, self.scope
+        joint, other = (None, None) if self.place is None else (self.place.joint, self.place.other)
+        return Key(self.effect.name, joint, other, self.scope)
 
     def estimates(self, values: FloatArray, deviations: FloatArray) -> list[Estimated]:
         """Changes of a number with their values and deviations (w,)."""
@@ -80,11 +88,6 @@ class Candidate:
     def is_beside_base_parameters(self, space: ParameterSpace) -> bool:
         """Whether no base parameters make up for this number, such as a tilt of gravity."""
         return any(change.direction[len(space.given) :].any() for change in self.changes)
-
-    @property
-    def options(self) -> int:
-        """How many shapes there are."""
-        return max(len(self.shapes), 1)
 
     @cached_property
     def ranges(self) -> dict[tuple[type[Shape], int], tuple[FloatArray, FloatArray]]:
@@ -121,7 +124,7 @@ class Catalogue:
         self.data = data
         model = data.prepared.model
         axes = level_axes(model.robot.gravity)
-        still = {joint for joint in range(len(data.joints)) if too_little(joint, data.covered)}
+        still = {joint for joint, covered in enumerate(data.covered) if too_little(covered)}
         missing = numbers_not_given(data.prepared)
         not_given = frozenset((kind, joint) for kind, joint in missing if joint not in still)
         self.space = ParameterSpace(model, model.given, axes, not_given)
@@ -180,36 +183,22 @@ class Catalogue:
         effect, place, scope = candidate.effect, candidate.place, candidate.scope
         assert not isinstance(effect, ParametricEffect) and place is not None
         made = rows_of(self.data, effect, place, shapes)
-        if scope is None:
+        if not scope:
             return made
         return [
             {joint: rows * self._inside(joint, scope)[:, None] for joint, rows in columns.items()}
             for columns in made
         ]
 
-    def made(self, effect: Effect, place: Place, shape: Shape) -> Columns | None:
-        """Rows (r_j, w) that a candidate has of an effect in one shape; None where none has it."""
-        for candidate in self.candidates:
-            if (
-                candidate.effect is effect
-                and candidate.place == place
-                and shape in candidate.shapes
-            ):
-                first = candidate.shapes.index(shape) * candidate.width
-                lines = slice(first, first + candidate.width)
-                return {
-                    joint: table[lines].T.astype(float) for joint, table in candidate.lines.items()
-                }
-        return None
-
     def _effects(self, effects: Sequence[Effect], kind: Kind) -> list[Candidate]:
         made = []
         for effect in effects:
             for place in effect.places(len(self.data.joints)):
+                covered = self.data.covered[place.joint]
                 hidden = (effect.name, place.joint) in self._hidden
-                if hidden or cannot_show(effect, place.joint, self.data.covered):
+                if hidden or cannot_show(effect, covered):
                     continue
-                for branch in effect.branches(effect.grid(place, self.data.covered)):
+                for branch in effect.branches(effect.grid(covered)):
                     made += self._of_shapes(kind, effect, place, list(branch))
         return made
 
@@ -251,17 +240,15 @@ class Catalogue:
                     lines = _lines(units, variant)
                     if lines:
                         place = None if joint is None else Place(joint)
-                        changes = tuple(variant)
-                        width = len(changes)
-                        made.append(
-                            Candidate(Kind.NUMBER, effect, place, (), changes, lines, width)
-                        )
+                        changes, shapes = tuple(variant), (Shape(),)
+                        kind, width = Kind.NUMBER, len(changes)
+                        made.append(Candidate(kind, effect, place, shapes, changes, lines, width))
         return made
 
     def why_impossible(
         self,
         candidate: Candidate,
-        shape: Shape | None,
+        shape: Shape,
         coefficients: FloatArray,
         deviations: FloatArray,
     ) -> str:
@@ -269,12 +256,12 @@ class Catalogue:
         effect, place = candidate.effect, candidate.place
         if isinstance(effect, ParametricEffect):
             estimates = candidate.estimates(coefficients, deviations)
-            fits = effect.admissible(self.space, candidate.key[1], estimates)
+            fits = effect.admissible(self.space, candidate.key.joint, estimates)
             return "" if fits else "its numbers are those of no arm"
-        assert place is not None and shape is not None
+        assert place is not None
         if not effect.admissible(shape, coefficients):
             return "its numbers have a sign or size that physics excludes"
-        return effect.impossible(shape, coefficients, place.joint, self.data.covered)
+        return effect.impossible(shape, coefficients, self.data.covered[place.joint])
 
 
 def _lines(units: Sequence[FloatArray], changes: Sequence[Change]) -> dict[int, SingleArray]:

@@ -1,4 +1,12 @@
-"""The best option beside a model: evidence by blocks of time, size, what physics allows."""
+"""The best option beside a model: evidence by blocks of time, size, what physics allows.
+
+A coefficient vector in its own eigenbasis has scores z and information λ. Under a size τ its
+variance is τ², and the logarithm of the Bayes factor against a size τ₀ is
+
+Σ ½ [z² (1/a − 1/b) − ln(b/a)],   a = 1 + τ₀² λ,   b = 1 + (τ₀² + τ²) λ,
+
+averaged over what τ may be.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -10,11 +18,12 @@ from scipy.special import expit, softmax
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC, is_form_of
-from idim_iv_ros.diagnosis.comparison.evidence import log_bayes_factor, shrunk
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
 
+# Torque that an effect may have, as a share of the joint's: its size is a mixture over these.
+_SIZES = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
 _MOST_BANNED = 4  # places that are passed over because they are not visible
 _ROUNDING = 1e-5  # of the largest information of a direction: less is none
@@ -52,7 +61,7 @@ class Comparison:
         """
         effects = [term for term in terms if term.is_effect]
         forms = {
-            (curve.name, *term.key[1:])
+            term.key._replace(effect=curve.name)
             for term in (effects if replaced is None else [*effects, replaced])
             for curve in NONPARAMETRIC
             if is_form_of(curve, term.effect)
@@ -113,7 +122,8 @@ class Comparison:
                 whole[joint] = ledger.share(joint, plain[joint] @ unit)
             visible[joint] = rms(uncovered[joint] @ unit) / size
         if candidate.kind is not Kind.EFFECT:
-            visible = np.where(_taken(others, len(sizes)), visible, whole)
+            taken = [joint for term in others if term.is_effect for joint in term.place.joints]
+            visible = np.where(np.isin(np.arange(len(sizes)), taken), visible, whole)
         return whole, visible
 
     def misfit(self, terms: Sequence[Term]) -> FloatArray:
@@ -129,18 +139,14 @@ class Comparison:
             term = ranking.first(banned)
             if term is None:
                 return None
-            if self._counts(term, model):
+            # Numbers are exact, shapes are not: visible beyond misfit of its own and of the others.
+            shares = [np.minimum(other.whole, 1.0) for other in model.terms if other.is_effect]
+            others = np.max([np.zeros(len(term.whole)), *shares], axis=0)
+            least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
+            if np.any(term.visible > least):
                 return term
             banned.add(term.key)
         return None
-
-    def _counts(self, term: Term, model: ModelWithTerms) -> bool:
-        """Whether it is visible at a joint beyond misfit of its own and of the other terms."""
-        # Numbers are exact, shapes are not.
-        shares = [np.minimum(other.whole, 1.0) for other in model.terms if other.is_effect]
-        others = np.max([np.zeros(len(term.whole)), *shares], axis=0)
-        least = np.maximum(settings.MISFIT, settings.VISIBLE_OF_OTHERS * others)
-        return bool(np.any(term.visible > least))
 
     def dispersions(
         self,
@@ -261,10 +267,14 @@ class _Ranking:
 
     @cached_property
     def _shrunk(self) -> FloatArray:
-        """Factors (k, w) by which scores of the options in the order are drawn to zero."""
+        """Factors (k, w), 0 to 1, by which the prior of their sizes draws scores to zero."""
         scores, information = self._along
         by = self.dispersion[:, None]
-        return shrunk(scores / np.sqrt(by), information / by)
+        information = information / by
+        logs = _by_size(scores / np.sqrt(by), information, np.zeros(len(scores)))
+        weights = np.exp(logs - logs.max(axis=1, keepdims=True))
+        variance = (weights @ _SIZES**2 / weights.sum(axis=1))[:, None] * information
+        return np.asarray(variance / (1.0 + variance))
 
     def first(self, banned: Collection[Key]) -> Term | None:
         """The best one that is present and that physics allows, of a place that is not banned."""
@@ -321,7 +331,7 @@ class _Ranking:
         w, place = int(options.width[option]), options.place[option]
         basis = nominal.basis[w][place]
         plain = nominal.columns(option)
-        left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(w, place))
+        left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(option))
         whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
         keys: dict[Key, float] = {}
         weights = softmax(self.score[list(kept)]).tolist()
@@ -333,7 +343,6 @@ class _Ranking:
         lines = {joint: table @ inverse for joint, table in plain.items()}
         return Term(
             candidate=candidate,
-            option=int(options.shape[option]),
             shape=shape,
             columns=lines,
             coefficients=coefficients,
@@ -359,10 +368,18 @@ def _directions_of(inner: FloatArray, coefficients: FloatArray) -> tuple[FloatAr
     return root, energy / max(float(energy.sum()), 1e-300)
 
 
-def _taken(terms: Sequence[Term], joints: int) -> FloatArray:
-    """Joints (n_joints,) where a structural effect stands."""
-    there = np.zeros(joints, dtype=bool)
-    for term in terms:
-        if term.is_effect:
-            there[list(term.place.joints)] = True
-    return there
+def _by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
+    """Logarithm of the Bayes factor of each size, (k, sizes), from z, λ (k, w) and τ₀² (k,)."""
+    information = information[:, None, :]
+    least = 1.0 + misfit[:, None, None] * information
+    whole = least + _SIZES[:, None] ** 2 * information
+    squares = scores[:, None, :] ** 2
+    gains = squares * (1.0 / least - 1.0 / whole) - np.log(whole / least)
+    return np.asarray(0.5 * gains.sum(axis=2))
+
+
+def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
+    """The mean over sizes, (k,)."""
+    of_size = _by_size(scores, information, misfit)
+    top = of_size.max(axis=1)
+    return np.asarray(top + np.log(np.mean(np.exp(of_size - top[:, None]), axis=1)))

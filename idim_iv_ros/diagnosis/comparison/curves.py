@@ -11,7 +11,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.signals import Unnamed
 from idim_iv_ros.effects.cause import Family
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray
@@ -43,26 +43,26 @@ class Nonparametric(Unnamed):
 
 
 # What a curve may depend on, (s,) of one joint, and the knots of the curve.
-_VARIABLES: dict[str, tuple[OfMotion, Callable[[OperatingRange, int], FloatArray]]] = {
+_VARIABLES: dict[str, tuple[OfMotion, Callable[[JointRange], FloatArray]]] = {
     "speed": (
         lambda motion, joint: np.abs(motion.velocity[:, joint]),
-        lambda covered, joint: _speeds(covered.slowest[joint], covered.fastest[joint]),
+        lambda covered: np.append(0.0, np.geomspace(covered.slowest, covered.fastest, 7)),
     ),
     "position": (
         lambda motion, joint: motion.position[:, joint],
-        lambda covered, joint: np.linspace(covered.low[joint], covered.high[joint], 9),
+        lambda covered: np.linspace(covered.low, covered.high, 9),
     ),
     "load": (
         lambda motion, joint: np.abs(motion.load[:, joint]),
-        lambda covered, joint: np.linspace(0.0, covered.load[joint], 6),
+        lambda covered: np.linspace(0.0, covered.load, 6),
     ),
     "torque": (
         lambda motion, joint: np.abs(motion.torque[:, joint]),
-        lambda covered, joint: np.linspace(0.0, covered.torque[joint], 7),
+        lambda covered: np.linspace(0.0, covered.torque, 7),
     ),
     "time": (
         lambda motion, joint: motion.time,
-        lambda covered, joint: np.linspace(0.0, covered.duration, 6),
+        lambda covered: np.linspace(0.0, covered.duration, 6),
     ),
 }
 # What a curve is multiplied by.
@@ -72,10 +72,6 @@ _WEIGHTS: dict[str, OfMotion] = {
     "velocity": lambda motion, joint: motion.velocity[:, joint],
     "side": lambda motion, joint: np.sign(motion.torque[:, joint]),
 }
-
-
-def _speeds(slowest: float, fastest: float) -> FloatArray:
-    return np.concatenate([[0.0], np.geomspace(max(slowest, 1e-3 * fastest), fastest, 7)])
 
 
 class Curve(Nonparametric):
@@ -91,9 +87,9 @@ class Curve(Nonparametric):
         self._variable, self._knots = _VARIABLES[variable]
         self._weight = _WEIGHTS[weight]
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, covered: JointRange) -> list[Shape]:
         """One set of knots."""
-        knots = self._knots(covered, place.joint)
+        knots = self._knots(covered)
         return [Knots(tuple(map(float, knots)))] if np.all(np.diff(knots) > 0.0) else []
 
     def columns(self, motion: RobotMotion, place: Place, shape: Knots) -> Torques:
@@ -122,9 +118,9 @@ class Stop(Nonparametric):
     family = "position"
     words = "sets in beyond one position and resists further motion"
 
-    def grid(self, place: Place, covered: OperatingRange) -> list[Shape]:
+    def grid(self, covered: JointRange) -> list[Shape]:
         """Positions near either end of the range."""
-        low, high = float(covered.low[place.joint]), float(covered.high[place.joint])
+        low, high = covered.low, covered.high
         length = _STOP_RANGE * (high - low)
         if high <= low:
             return []
@@ -132,11 +128,9 @@ class Stop(Nonparametric):
         lower = np.linspace(low + 0.02 * length, low + length, 25)
         return [StopShape(side, float(p)) for side, ps in ((1.0, upper), (-1.0, lower)) for p in ps]
 
-    def neighbours(
-        self, shape: StopShape, step: float, place: Place, covered: OperatingRange
-    ) -> list[Shape]:
+    def neighbours(self, shape: StopShape, step: float, covered: JointRange) -> list[Shape]:
         """Nearby positions."""
-        move = 0.05 * step * covered.span(place.joint)
+        move = 0.05 * step * covered.span
         return [replace(shape, position=shape.position + sign * move) for sign in (1.0, -1.0)]
 
     def columns(self, motion: RobotMotion, place: Place, shape: StopShape) -> Torques:

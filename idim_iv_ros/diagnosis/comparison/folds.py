@@ -25,9 +25,18 @@ class Chosen:
     gains: FloatArray
 
     def times(self, term: Term) -> int:
-        """In how many folds a term, or a rival of its set, is chosen."""
-        names = {key for key, _ in term.rivals} | {term.key}
-        return sum(bool(names & keys) for keys in self.keys)
+        """In how many folds a term, or a rival of its set, is chosen.
+
+        Of a term of some recordings it is enough to be chosen for one of them.
+        """
+        names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
+        scope = term.candidate.scope
+
+        def is_in(keys: frozenset[Key]) -> bool:
+            there = [key for key in keys if key[:3] in names]
+            return any(not scope or scope & key.scope for key in there)
+
+        return sum(map(is_in, self.keys))
 
 
 def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen:
@@ -46,21 +55,12 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
         counted: list[BoolArray] = [number != fold for number in parts]
         fitted = Comparison(comparison.catalogue, NominalErrors(white, nominal.errors))
         keys.append(frozenset(term.key for term in climb(fitted, ())))
-        gains.append(_gains(fitted, selection, counted))
+        terms = selection.terms
+        whole = _loss(fitted, terms, selection, counted)
+        without = [(*terms[:k], *terms[k + 1 :]) for k in range(len(terms))]
+        gains.append([_loss(fitted, others, selection, counted) - whole for others in without])
         del fitted  # before the next one is made
     return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
-
-
-def _gains(fitted: Comparison, selection: Selection, counted: list[BoolArray]) -> FloatArray:
-    """What each term brings in the prediction of the rows that are not counted, (terms,)."""
-    terms = selection.terms
-    whole = _loss(fitted, terms, selection, counted)
-    return np.array(
-        [
-            _loss(fitted, (*terms[:k], *terms[k + 1 :]), selection, counted) - whole
-            for k in range(len(terms))
-        ]
-    )
 
 
 def _loss(

@@ -43,8 +43,8 @@ class Ledger:
     drive_errors: FloatArray
     free_errors: FloatArray
     blocks: tuple[IntArray, ...]
+    unsampled: tuple[FloatArray, ...]
     nominal: bool
-    unsampled: tuple[FloatArray, ...] | None = None
 
     @property
     def parameters(self) -> int:
@@ -83,7 +83,7 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     sizes = data.torque_sizes
     model = data.prepared.model
     if given is None:
-        values = regression.fit().values
+        values = regression.fitted.values
         links = _of_free_size(joints, sizes, np.eye(regression.parameters))
         drives = free_errors = np.zeros((regression.parameters, 0))
     else:
@@ -97,8 +97,8 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
         chosen = [(number.kind, number.joint) in missing for number in numbers]
         free_errors = _of_free_size(joints, sizes, grouping[:, chosen])
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
-    blocks, nominal = row_blocks(data, BLOCK), given is not None
-    return Ledger(joints, gap, sizes, links, drives, free_errors, blocks, nominal, _unsampled(data))
+    changes, blocks = (links, drives, free_errors), row_blocks(data, BLOCK)
+    return Ledger(joints, gap, sizes, *changes, blocks, _unsampled(data), given is not None)
 
 
 def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:
@@ -150,7 +150,7 @@ def noise_of(ledger: Ledger, residuals: Sequence[FloatArray]) -> tuple[RowNoise,
     made = []
     for joint, (rows, left) in enumerate(zip(ledger.joints, residuals, strict=True)):
         scale = np.ones(len(left))
-        if ledger.unsampled is not None and not rows.left_out:
+        if not rows.left_out:
             scale = scale_of(left, ledger.unsampled[joint])
         made.append(RowNoise(noise_model(rows, left / scale), scale))
     return tuple(made)

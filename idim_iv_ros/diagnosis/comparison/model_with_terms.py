@@ -28,19 +28,17 @@ _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as go
 class Term:
     """One option in a model.
 
-    `option`: place of its `shape` among the candidate's; `columns` (r_j, w): torque of unit
-    coefficients, N m; `basis` (w, w): coefficients of a torque of unit size; `size`: share of the
-    torque, root of the mean over its joints; `log_prior`: of this option; `evidence`: logarithm of
-    the Bayes factor against misfit, when it was accepted; `presence`: posterior probability against
-    nothing, before calibration; `whole`, `visible` (n_joints,): share of the torque that it has,
-    and that counts beside errors and other terms; `rivals`: other effects and places with their
-    weights, together with its own one; `dispersion`: variance of its score over blocks of time over
-    that of the model.
+    `columns` (r_j, w): torque of unit coefficients, N m; `basis` (w, w): coefficients of a torque
+    of unit size; `size`: share of the torque, root of the mean over its joints; `log_prior`: of
+    this option; `evidence`: logarithm of the Bayes factor against misfit, when it was accepted;
+    `presence`: posterior probability against nothing, before calibration; `whole`, `visible`
+    (n_joints,): share of the torque that it has, and that counts beside errors and other terms;
+    `rivals`: other effects and places with their weights, together with its own one; `dispersion`:
+    variance of its score over blocks of time over that of the model.
     """
 
     candidate: Candidate
-    option: int
-    shape: Shape | None
+    shape: Shape
     columns: dict[int, FloatArray]
     coefficients: FloatArray
     deviations: FloatArray
@@ -82,7 +80,7 @@ class Term:
         effect = self.candidate.effect
         if isinstance(effect, ParametricEffect):
             estimates = self.candidate.estimates(self.coefficients, self.deviations)
-            return effect.parameters(space, self.key[1], estimates)
+            return effect.parameters(space, self.key.joint, estimates)
         return effect.parameters(self.shape, self.coefficients, self.deviations)
 
     @property
@@ -98,9 +96,9 @@ class Term:
         ]
 
     @property
-    def identity(self) -> tuple[object, ...]:
+    def identity(self) -> tuple[int, Shape]:
         """Candidate and shape."""
-        return (id(self.candidate), self.option, self.shape)
+        return id(self.candidate), self.shape
 
     @property
     def prior_root(self) -> FloatArray:
@@ -230,7 +228,7 @@ class _TermProducts:
             options = nominal.options
             nothing = [np.zeros((len(rows), len(self.score))) for rows in options.ledger.joints]
             rows = [self.white.get(joint, zeros) for joint, zeros in enumerate(nothing)]
-            crossed = nominal.white.with_options(rows)
+            crossed = options.products(nominal.white.noise, rows)
             crossed -= nominal.projected @ self.projected
             self._crossed = {
                 w: np.matmul(nominal.basis[w].transpose(0, 2, 1), crossed[columns])
@@ -367,9 +365,7 @@ class ModelWithTerms:
 
     def option_left(self, option: int) -> FloatArray:
         """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""
-        options = self.nominal.options
-        crossed = self.crossed(int(options.width[option]), int(options.place[option]))
-        return self.lines_left(self.nominal.option_lines(option), crossed)
+        return self.lines_left(self.nominal.option_lines(option), self.crossed(option))
 
     def _taken(self, crossed: FloatArray) -> FloatArray:
         """(q, w) coefficients of the terms beside columns with products `crossed` (w, q)."""
@@ -400,7 +396,9 @@ class ModelWithTerms:
             made.append(rest)
         return made
 
-    def crossed(self, width: int, place: int) -> FloatArray:
+    def crossed(self, option: int) -> FloatArray:
         """Products (w, q) of one option, in coefficients of unit size, with the terms."""
-        crossed = [products.crossed(self.nominal)[width][place] for products in self._products]
-        return np.concatenate([np.zeros((width, 0)), *crossed], axis=1)
+        options = self.nominal.options
+        w, place = int(options.width[option]), int(options.place[option])
+        crossed = [products.crossed(self.nominal)[w][place] for products in self._products]
+        return np.concatenate([np.zeros((w, 0)), *crossed], axis=1)

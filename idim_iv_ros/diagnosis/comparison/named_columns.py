@@ -12,7 +12,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Kin
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.effects.effect import Place, Shape
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -44,7 +44,7 @@ class NamedColumns(Catalogue):
         second: BoolArray | None = None,
         acts_with: Mapping[str, str] | None = None,
     ) -> None:
-        inside: list[tuple[Scope | None, BoolArray | float]] = [(None, 1.0)]
+        inside: list[tuple[Scope, BoolArray | float]] = [(frozenset(), 1.0)]
         if second is not None and second.any():
             inside.append((SECOND, second))
         made = []
@@ -54,10 +54,10 @@ class NamedColumns(Catalogue):
                 lines = np.atleast_2d(values.T) * rows
                 if np.std(lines, axis=1).max() <= 1e-12:
                     continue
-                for kind in (Kind.NUMBER, Kind.CURVE) if scope is None else (Kind.NUMBER,):
-                    table = {0: lines.astype(np.float32)}
+                for kind in (Kind.NUMBER,) if scope else (Kind.NUMBER, Kind.CURVE):
+                    table, shapes = {0: lines.astype(np.float32)}, (Shape(),)
                     width = len(lines)
-                    made.append(Candidate(kind, effect, Place(0), (), (), table, width, scope))
+                    made.append(Candidate(kind, effect, Place(0), shapes, (), table, width, scope))
         self.candidates = tuple(made)
 
     def why_impossible(self, *_: object) -> str:
@@ -89,6 +89,7 @@ def ledger_of_rows(
         drive_errors=np.zeros((matrix.shape[1], 0)),
         free_errors=np.zeros((matrix.shape[1], 0)),
         blocks=(np.arange(len(rest)) * _BLOCKS // len(rest),),
+        unsampled=(np.zeros(len(rest)),),
         nominal=False,
     )
 

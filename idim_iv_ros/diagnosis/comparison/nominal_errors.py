@@ -31,7 +31,10 @@ def errors_of_links(model: InverseModel) -> FloatArray:
     """
     given = model.robot.given
     links = [pin.Inertia.FromDynamicParameters(inertia) for inertia in given.inertial]
-    length = _usual_radius(given.inertial)
+    mass, moments = given.inertial[:, 0], 0.5 * given.inertial[:, [4, 6, 9]].sum(axis=1)
+    present = (mass > 0.0) & (moments > 0.0)
+    radii = np.sqrt(moments[present] / mass[present])  # of gyration, about the joints, m
+    length = float(np.median(radii)) if len(radii) else 0.0
     columns: list[tuple[int, FloatArray]] = []
     for joint, (link, values) in enumerate(zip(links, given.inertial, strict=True)):
         columns.append((joint, values))
@@ -49,7 +52,7 @@ def errors_of_links(model: InverseModel) -> FloatArray:
 
 
 def errors_of_drives(
-    model: InverseModel, torque: FloatArray, refit: DynamicParameters | None = None
+    model: InverseModel, torque: FloatArray, refit: DynamicParameters
 ) -> FloatArray:
     """Changes (n_standard, k) that are errors of size one of drive inertia, friction and offsets.
 
@@ -59,12 +62,9 @@ def errors_of_drives(
     nominal model has none at all.
     """
     given = model.robot.given
-    friction = refit if refit is not None and not np.any(given.coulomb) else given
-    slow = refit if refit is not None and not np.any(given.viscous) else given
-    coulomb, viscous = (
-        _at_least_usual(friction.coulomb, torque),
-        _at_least_usual(slow.viscous, torque),
-    )
+    dry = given.coulomb if np.any(given.coulomb) else refit.coulomb
+    slow = given.viscous if np.any(given.viscous) else refit.viscous
+    coulomb, viscous = _at_least_usual(dry, torque), _at_least_usual(slow, torque)
     coupled = np.ones_like(given.coupling_viscous)
     sizes = replace(
         _nothing(given),
@@ -94,13 +94,6 @@ def numbers_not_given(prepared: PreparedRegression) -> frozenset[tuple[str, int]
 def _nothing(given: DynamicParameters) -> DynamicParameters:
     plain = given.of_links
     return replace(plain, inertial=np.zeros_like(plain.inertial))
-
-
-def _usual_radius(inertial: FloatArray) -> float:
-    """Median radius of gyration (m) of links (n, 10) about their joints."""
-    mass, moment = inertial[:, 0], 0.5 * inertial[:, [4, 6, 9]].sum(axis=1)
-    present = (mass > 0.0) & (moment > 0.0)
-    return float(np.median(np.sqrt(moment[present] / mass[present]))) if present.any() else 0.0
 
 
 def _shifted(link: pin.Inertia, shift: FloatArray) -> FloatArray:

@@ -22,13 +22,14 @@ class Prior:
     """Prior probability of every option: of its effect, its place, its shape."""
 
     def __init__(self, options: "Options") -> None:
-        names: dict[tuple[str, Scope | None], list[int]] = {}
+        names: dict[tuple[str, Scope], list[int]] = {}
         weight = np.zeros(len(options.keys))
         for number, key in enumerate(options.keys):
             first = options.candidates[options.candidate[options.key == number][0]]
             curve = first.kind is Kind.CURVE
             weight[number] = settings.PRIOR_OF_CURVE if curve else first.effect.prior_weight
-            names.setdefault(("a free curve" if curve else key[0], key[3]), []).append(number)
+            name = "a free curve" if curve else key.effect
+            names.setdefault((name, key.scope), []).append(number)
         for numbers in names.values():
             weight[numbers] /= len(numbers)
         weight *= (1.0 - _NOTHING) / weight.sum()
@@ -58,9 +59,9 @@ class Options:
     def __init__(self, ledger: Ledger, candidates: Sequence[Candidate]) -> None:
         self.ledger, self.candidates = ledger, tuple(candidates)
         self.candidate: IntArray = np.repeat(
-            np.arange(len(candidates)), [c.options for c in candidates]
+            np.arange(len(candidates)), [len(c.shapes) for c in candidates]
         )
-        self.shape = np.concatenate([np.arange(c.options) for c in candidates]).astype(int)
+        self.shape = np.concatenate([np.arange(len(c.shapes)) for c in candidates]).astype(int)
         self.width = np.array([candidates[int(c)].width for c in self.candidate])
         self.first = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(int)
         self.count = int(self.width.sum())
@@ -94,10 +95,10 @@ class Options:
             model.append(flat.standardized(rows.matrix, rows.segments))
         return self.inner_products(noise)[0], *self.products_with_model(model, noise)
 
-    def named(self, option: int) -> tuple[Candidate, Shape | None]:
-        """Candidate of an option, and its shape if it has one."""
+    def named(self, option: int) -> tuple[Candidate, Shape]:
+        """Candidate and shape of an option."""
         candidate = self.candidates[self.candidate[option]]
-        return candidate, candidate.shapes[self.shape[option]] if candidate.shapes else None
+        return candidate, candidate.shapes[self.shape[option]]
 
     def inner_products(
         self, noise: Sequence[RowNoise], parts: Sequence[IntArray] | None = None
@@ -135,10 +136,11 @@ class Options:
                 if not self.ledger.joints[joint].left_out:
                     yield joint, first, lines, candidate.width
 
-    def products(self, right: Sequence[FloatArray]) -> FloatArray:
-        """Products (p, q) of all columns with some rows (r_j, q) of each joint."""
+    def products(self, noise: Sequence[RowNoise], right: Sequence[FloatArray]) -> FloatArray:
+        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q) of each joint."""
         made = np.zeros((self.count, right[0].shape[1]))
-        single = [rows.astype(np.float32) if rows.any() else None for rows in right]
+        drawn = self._drawn_back(noise, right)
+        single = [rows.astype(np.float32) if rows.any() else None for rows in drawn]
         for joint, first, table, _ in self._tables():
             rows = single[joint]
             if rows is not None:
@@ -155,13 +157,15 @@ class Options:
         places = [joint.columns for joint in self.ledger.joints]
         for rows, columns in zip(model, places, strict=True):
             normal[np.ix_(columns, columns)] += rows.T @ rows
-        drawn = [rows.astype(np.float32) for rows in self.drawn_back(noise, model)]
+        drawn = [rows.astype(np.float32) for rows in self._drawn_back(noise, model)]
         for joint, first, table, _ in self._tables():
             start = self.first[first]
             shared[start : start + len(table), places[joint]] += table @ drawn[joint]
         return normal, shared
 
-    def drawn_back(self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]) -> list[FloatArray]:
+    def _drawn_back(
+        self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]
+    ) -> list[FloatArray]:
         """Wᵀ rows (r_j, q), of what differs from zero."""
         return [
             one.drawn_back(table, joint.segments) if table.any() else table
@@ -188,14 +192,10 @@ class Whitened:
     shared: FloatArray
     inner: dict[int, FloatArray]
 
-    def with_options(self, rows: Sequence[FloatArray]) -> FloatArray:
-        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q)."""
-        return self.options.products(self.options.drawn_back(self.noise, rows))
-
     @cached_property
     def score(self) -> FloatArray:
         """Products (p,) of all columns with the gap."""
-        return self.with_options([left[:, None] for left in self.gap])[:, 0]
+        return self.options.products(self.noise, [left[:, None] for left in self.gap])[:, 0]
 
     def columns(self, columns: Mapping[int, FloatArray]) -> dict[int, FloatArray]:
         """Columns (r_j, w) with the noise at unit variance, of the rows that count."""

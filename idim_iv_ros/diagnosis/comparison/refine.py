@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.likelihood import Columns
-from idim_iv_ros.effects.effect import Shape, StructuralEffect
+from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)  # relative, of the numbers of a shape
@@ -22,7 +22,7 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the shapes about theirs that are likeliest, all coefficients fitted together."""
     kept = list(terms)
     for number, term in enumerate(kept):
-        if term.shape is not None and term.shape.numbers:
+        if term.shape.numbers:
             kept[number] = _refined(comparison, kept, number)
     kept = [
         comparison.weighed(term, [*kept[:number], *kept[number + 1 :]])
@@ -33,19 +33,17 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
 
 def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
     term = terms[number]
-    effect, place = term.candidate.effect, term.candidate.place
-    assert isinstance(effect, StructuralEffect) and place is not None and term.shape is not None
+    effect, covered = term.effect, comparison.catalogue.data.covered[term.place.joint]
     highest = ModelWithTerms(comparison.nominal, tuple(terms)).level
     for step in _STEPS:
         for _ in range(_MOVES):
-            near = effect.neighbours(term.shape, step, place, comparison.catalogue.data.covered)
+            near = effect.neighbours(term.shape, step, covered)
             best = _best_of(comparison, terms, number, near)
             if best is None or best[0] < highest + _LEAST_GAIN:
                 break
             highest, term = best
     while True:
-        longer = effect.longer(term.shape, place, comparison.catalogue.data.covered)
-        best = _best_of(comparison, terms, number, [shape for shape, _ in longer])
+        best = _best_of(comparison, terms, number, effect.longer(term.shape, covered))
         if best is None or best[0] < highest + settings.LEAST_EVIDENCE_OF_TERM:
             return term
         highest, term = best
@@ -65,7 +63,6 @@ def _best_of(
         other = replace(
             term,
             shape=shape,
-            option=-1,
             columns=dict(columns),
             basis=_unit_torque(comparison, columns) if width != term.width else term.basis,
             coefficients=np.zeros(width),

@@ -52,6 +52,11 @@ class Selection:
     displaced: tuple[tuple[Term, Term], ...] = ()
 
     @property
+    def catalogue(self) -> Catalogue:
+        """What was searched: candidates of which session."""
+        return self.comparison.catalogue
+
+    @property
     def signals(self) -> tuple[Term, ...]:
         """Terms that are errors of signals."""
         return tuple(term for term in self.terms if term.candidate.kind is Kind.SIGNAL)
@@ -127,12 +132,12 @@ def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
 
     Noise that holds an effect takes slow ones for its own.
     """
-    left = refit_residuals(ledger)
+    left = refit_residuals(ledger, ledger.gap)
     for joint, rows in enumerate(ledger.joints):
         columns = [
             candidate.lines[joint][-candidate.width :]
             for candidate in catalogue.candidates
-            if candidate.kind is Kind.CURVE and candidate.scope is None and joint in candidate.lines
+            if candidate.kind is Kind.CURVE and not candidate.scope and joint in candidate.lines
         ]
         if not columns or rows.left_out:
             continue
@@ -146,14 +151,13 @@ def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
 
 def refit_residuals(
     ledger: Ledger,
-    gap: Sequence[FloatArray] | None = None,
+    gap: Sequence[FloatArray],
     counted: Sequence[BoolArray] | None = None,
 ) -> list[FloatArray]:
-    """(r_j,) what new numbers, all of them free, leave of a gap by least squares.
+    """(r_j,) what new numbers, all of them free, leave of a gap (r_j,) by least squares.
 
-    `gap`: (r_j,); None: that of the ledger; `counted`: rows (r_j,) that are fitted; None: all.
+    `counted`: rows (r_j,) that are fitted; None: all.
     """
-    gap = ledger.gap if gap is None else gap
     shares: list[FloatArray] = []
     for rows, left, size in zip(ledger.joints, gap, ledger.sizes, strict=True):
         table = np.zeros((len(rows), ledger.parameters + 1))

@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.effects.cause import EffectParameter, Family
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.cause import Family
+from idim_iv_ros.effects.effect import Effect, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.waves import WaveEffect, Waves
 from idim_iv_ros.simulation import inverse_dynamics
@@ -27,16 +27,6 @@ class Unnamed(Effect):
 
     excitation = ""
     signed = True
-
-    def grid(self, place: Place, covered: OperatingRange) -> Sequence[Shape]:
-        """Return one shape, which has no numbers."""
-        return [Shape()]
-
-    def parameters(
-        self, shape: Shape, coefficients: FloatArray, deviations: FloatArray
-    ) -> dict[str, EffectParameter]:
-        """Return no numbers: it is no cause."""
-        return {}
 
 
 class SignalError(Unnamed):

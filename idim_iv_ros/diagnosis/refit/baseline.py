@@ -17,7 +17,7 @@ from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, dynamics_of, smooth_motions
 from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
-from idim_iv_ros.effects.effect import Effect, OperatingRange, Place, Shape
+from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
@@ -29,6 +29,7 @@ from idim_iv_ros.signals import Motion, shifted
 from idim_iv_ros.types import FloatArray, IntArray
 
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
+_ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
 _AT_ONCE = 32  # shapes: their columns together stay small
 
 T = TypeVar("T", bound=np.generic)
@@ -107,33 +108,43 @@ class Baseline:
         return np.maximum([rms(rows.torque) for rows in self.rows], 1e-300)
 
     @cached_property
-    def covered(self) -> OperatingRange:
-        """What the recordings cover."""
-        motions, kinds = self.motions, self.prepared.model.robot.joint_types
+    def covered(self) -> tuple[JointRange, ...]:
+        """What the recordings cover at each joint."""
+        motions, model = self.motions, self.prepared.model
 
         def largest(name: str) -> FloatArray:
             return np.asarray(np.max([np.abs(getattr(m, name)).max(axis=0) for m in motions], 0))
 
-        fastest = largest("velocity")
+        fastest, torque = largest("velocity"), largest("torque")
         # Where rows of all speeds count, those that do are a share of the peak.
         least = settings.LEAST_SPEED_SHARE * fastest
-        return OperatingRange(
-            low=np.min([m.position.min(axis=0) for m in motions], axis=0),
-            high=np.max([m.position.max(axis=0) for m in motions], axis=0),
-            slowest=np.maximum(self.prepared.minimum_speed, least),
-            fastest=fastest,
-            mean_speed=np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
-            load=largest("load"),
-            torque=largest("torque"),
-            inertia=np.mean(
+        level = model.dynamic_parameters(self.estimate.linear.values).coulomb
+        shown = level > settings.LEAST_DRY_FRICTION * torque
+        kinds = model.robot.joint_types
+        of_joints = {
+            "low": np.min([m.position.min(axis=0) for m in motions], axis=0),
+            "high": np.max([m.position.max(axis=0) for m in motions], axis=0),
+            "slowest": np.maximum(self.prepared.minimum_speed, least),
+            "fastest": fastest,
+            "mean_speed": np.mean(np.abs(np.concatenate([m.velocity for m in motions])), axis=0),
+            "load": largest("load"),
+            "torque": torque,
+            "dry_friction": np.where(shown, level, _ASSUMED_DRY_FRICTION * torque),
+            "inertia": np.mean(
                 [np.einsum("sii->i", m.inertia) / len(m.time) for m in motions], axis=0
             ),
-            duration=float(max(m.time[-1] for m in motions)),
-            longest=float(max(m.elapsed[-1] for m in motions)),
-            row_rate=self.row_rate,
-            lever=np.array([1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds]),
-            sticking=self.sticking,
-            left_out=self.left_out,
+            "lever": [1.0 if kind == "revolute" else _PRISMATIC_LEVER for kind in kinds],
+        }
+        return tuple(
+            JointRange(
+                **{name: float(values[joint]) for name, values in of_joints.items()},
+                duration=float(max(m.time[-1] for m in motions)),
+                longest=float(max(m.elapsed[-1] for m in motions)),
+                row_rate=self.row_rate,
+                sticking=self.sticking,
+                left_out=joint in self.left_out,
+            )
+            for joint in range(len(self.joints))
         )
 
     def columns_of(self, joint: int, *kinds: str) -> IntArray:

@@ -195,7 +195,8 @@ def predicted(
     The R factor of the rows without a fold is that of the other folds' R factors, and its leading
     columns solve every stage: coefficients of blocks after a stage are zero.
     """
-    every, ends = extended.extended, extended.parameters + np.cumsum([0, *extended.widths])
+    every, b = extended.extended, extended.parameters
+    ends = [b, *(b + block.stop for block in extended.blocks)]
     tables = [
         noise.standardized(np.column_stack([rows.matrix, rows.torque]), rows.segments)
         for rows, noise in zip(every, noise_models, strict=True)
@@ -212,7 +213,7 @@ def predicted(
         factor = r_factor(np.vstack([*others, leak * left_out]))
         basis = independent_basis(factor[:, :-1], tolerance=NOT_SHOWN)
         for stage, end in zip(stages, ends, strict=True):
-            solution = basis.leading(int(end)).solve(factor[:, -1], extended.total)
+            solution = basis.leading(end).solve(factor[:, -1], extended.total)
             for rest, rows, table, fold in zip(stage, every, tables, folds, strict=True):
                 inside_fold = fold == number
                 rest[inside_fold] -= table[inside_fold, :-1] @ solution[rows.columns]

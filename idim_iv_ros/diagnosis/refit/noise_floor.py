@@ -79,12 +79,6 @@ def noise_floors(data: Baseline, fit: Fit, repeats: Sequence[Repeat]) -> tuple[N
     return tuple(floors)
 
 
-def common_floor(floors: Sequence[NoiseFloor]) -> float | None:
-    """Noise of several joints together, root of the sum of squares; None where one is unknown."""
-    sigmas = [floor.sigma for floor in floors if floor.sigma is not None]
-    return float(np.sqrt(np.sum(np.square(sigmas)))) if len(sigmas) == len(floors) else None
-
-
 def difference_energy(difference: FloatArray, drifting: FloatArray) -> tuple[float, float]:
     """Energy of a difference (n,) beyond columns (n, c), and its degrees of freedom."""
     basis = independent_basis(np.column_stack([drifting, np.ones(len(difference))]))

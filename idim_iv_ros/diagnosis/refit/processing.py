@@ -14,7 +14,7 @@ from math import ceil
 import numpy as np
 from scipy.signal import welch
 
-from idim_iv_ros.configuration import Configuration, ProcessingSection
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.least_squares import solve_least_squares
 from idim_iv_ros.estimation.observation import observation_rows
@@ -34,32 +34,26 @@ def proposals(
 ) -> Iterator[Configuration]:
     """Processing in the order in which it is tried: of a loop that is simulated, and of none.
 
-    With a model that has torque offsets, but those that it excludes.
+    Each is that of the narrowest band of the sets, with a model that has torque offsets, but those
+    that it excludes.
 
     `sets`: recordings that are refitted apart from one another in one band.
     """
     friction = configuration.identification.friction
     if "offset" not in friction:
         configuration = configuration.changed("identification", friction=[*friction, "offset"])
-    if all(recording.position_reference is not None for part in sets for recording in part):
-        narrow = _narrowest(sets, configuration, simulated=True)
-        counting = narrow.model_copy(update={"reversal_margin": narrow.reversal_margin or 0.0})
-        yield configuration.model_copy(update={"processing": counting})
-    narrow = _narrowest(sets, configuration, simulated=False)
-    yield configuration.model_copy(update={"processing": narrow})
-
-
-def _narrowest(
-    sets: Sequence[Sequence[Recording]], configuration: Configuration, *, simulated: bool
-) -> ProcessingSection:
-    """Return the processing of the narrowest band of the sets."""
-    options = [widened(part, configuration, simulated=simulated).processing for part in sets]
-    narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
-    positions = [option.position_cutoff for option in options if option.position_cutoff is not None]
-    if positions and configuration.processing.position_cutoff is None:
-        position = max(min(positions), narrow.decimation_cutoff or 0.0)
-        narrow = narrow.model_copy(update={"position_cutoff": position})
-    return narrow
+    may_be = all(recording.position_reference is not None for part in sets for recording in part)
+    for simulated in (True, False) if may_be else (False,):
+        options = [widened(part, configuration, simulated=simulated).processing for part in sets]
+        narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
+        positions = [option.position_cutoff for option in options if option.position_cutoff]
+        if positions and configuration.processing.position_cutoff is None:
+            position = max(min(positions), narrow.decimation_cutoff or 0.0)
+            narrow = narrow.model_copy(update={"position_cutoff": position})
+        if simulated:
+            counting = {"reversal_margin": narrow.reversal_margin or 0.0}
+            narrow = narrow.model_copy(update=counting)
+        yield configuration.model_copy(update={"processing": narrow})
 
 
 def widened(

@@ -89,16 +89,15 @@ class Refit:
 
     data: Baseline
     shift: EffortShift
-    turning: TurningFriction | None = None
+    turning: TurningFriction
     gravity: MissingGravity | None = None
     delays: tuple[Cause, ...] = ()
 
     @property
     def hidden(self) -> tuple[tuple[str, int], ...]:
         """Effects that act where joints turn, at joints whose dry friction a solver softens."""
-        soft = () if self.turning is None else self.turning.soft
         lost = [effect.name for effect in STRUCTURAL if effect.lost_where_softened]
-        return tuple((name, joint) for name in lost for joint in soft)
+        return tuple((name, joint) for name in lost for joint in self.turning.soft)
 
     @property
     def not_testable(self) -> tuple[NotTestable, ...]:
@@ -182,7 +181,7 @@ def _with_friction(data: Baseline) -> Refit:
     """Align the effort; once more where dry friction turns otherwise than in the simulated loop."""
     shifted, shift = aligned(data)
     turning = turning_friction(shifted)
-    if turning is not None:
+    if turning.leads:
         shifted, shift = aligned(turning.put_into(data))
     return Refit(shifted, shift, turning)
 

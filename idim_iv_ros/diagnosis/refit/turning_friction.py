@@ -41,23 +41,23 @@ _AS_MEASURED: Crossing = 0.0, 0.0
 
 @dataclass(frozen=True)
 class TurningFriction:
-    """How early dry friction turns: `leads` (n_joints,), s before the joint; NaN where it sticks.
+    """How early the dry friction of some joints turns; that of the others sticks as simulated.
 
-    `widths`: (n_joints,) rad/s (m/s) of v + lead · dv/dt, within which the friction crosses from
-    one level to the other.
+    By joint `leads`, s before the joint, and `widths`, rad/s (m/s) of v + lead · dv/dt, within
+    which the friction crosses from one level to the other.
     """
 
-    leads: FloatArray
-    widths: FloatArray
+    leads: dict[int, float]
+    widths: dict[int, float]
 
     @property
     def soft(self) -> list[int]:
         """Joints whose dry friction a solver softens."""
-        return [int(joint) for joint in np.flatnonzero(self.leads > LEAST_LEAD)]
+        return [joint for joint, lead in self.leads.items() if lead > LEAST_LEAD]
 
     def soft_leads(self, joints: Sequence[str]) -> dict[str, float]:
         """Lead, s, of joints whose dry friction a solver softens."""
-        return {joints[joint]: float(self.leads[joint]) for joint in self.soft}
+        return {joints[joint]: self.leads[joint] for joint in self.soft}
 
     def put_into(self, data: Baseline) -> Baseline:
         """Return the same motions with this friction."""
@@ -65,8 +65,8 @@ class TurningFriction:
         for motion in data.motions:
             slip = motion.slip.copy()
             fine = _fine(motion)
-            for joint in np.flatnonzero(np.isfinite(self.leads)).tolist():
-                slip[:, joint] = _crossing(*fine, joint, self.leads[joint], self.widths[joint])
+            for joint, lead in self.leads.items():
+                slip[:, joint] = _crossing(*fine, joint, lead, self.widths[joint])
             motions.append(replace(motion, slip=slip))
         return data.on(tuple(motions))
 
@@ -74,7 +74,7 @@ class TurningFriction:
         """Say for the notes what a solver softens; empty where none does."""
         if not self.soft:
             return ""
-        leads = self.leads[self.soft]
+        leads = [self.leads[joint] for joint in self.soft]
         low, high = (f"{1e3 * lead:.2g}" for lead in (min(leads), max(leads)))
         times = f"{low} ms" if low == high else f"{low} to {high} ms"
         names = ", ".join(joints[joint] for joint in self.soft)
@@ -85,8 +85,8 @@ class TurningFriction:
         )
 
 
-def turning_friction(data: Baseline) -> TurningFriction | None:
-    """Find when dry friction turns; None where it sticks and slips as simulated.
+def turning_friction(data: Baseline) -> TurningFriction:
+    """Find the joints whose dry friction does not stick and slip as simulated, and when it turns.
 
     `data`: with the effort aligned: one that is recorded before it acts would turn early, too.
     """
@@ -95,7 +95,7 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
     rubs = level > settings.LEAST_DRY_FRICTION * data.torque_sizes
     every: list[int] = [j for j in np.flatnonzero(rubs).tolist() if len(data.columns_of(j, "Fc"))]
     if not every:
-        return None
+        return TurningFriction({}, {})
     robot, position = data.prepared.model.robot, data.motions[0].position
     inertia = np.abs(joint_inertia(robot, whole, position))
     widest = level / np.maximum(inertia, 1e-12)  # of the crossing, per unit of lead and softness
@@ -124,10 +124,8 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
         return float(gains(dict.fromkeys(every, crossing)).sum())
 
     def turning(crossings: dict[int, Crossing]) -> TurningFriction:
-        leads, widths = np.full(len(data.joints), np.nan), np.zeros(len(data.joints))
-        for joint, crossing in crossings.items():
-            leads[joint], widths[joint] = crossing[0], width(joint, crossing)
-        return TurningFriction(leads, widths)
+        widths = {joint: width(joint, crossing) for joint, crossing in crossings.items()}
+        return TurningFriction({joint: lead for joint, (lead, _) in crossings.items()}, widths)
 
     leads = [(lead, _SOFTNESS[1]) for lead in _LEADS]
     best = max(leads, key=same_everywhere)
@@ -150,9 +148,8 @@ def turning_friction(data: Baseline) -> TurningFriction | None:
         }
         if 2 * len(early) > len(every):
             return turning(early)
-    if measured >= settings.SOFT_FRICTION_SUPPORT:
-        return turning(dict.fromkeys(every, _AS_MEASURED))
-    return None
+    as_measured = every if measured >= settings.SOFT_FRICTION_SUPPORT else []
+    return turning(dict.fromkeys(as_measured, _AS_MEASURED))
 
 
 def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:

@@ -268,7 +268,7 @@ def _cause(data: Baseline, transmission: Measured, part: Part) -> Cause:
         effect=name_of(part),
         kind="structural",
         joint=result.joint,
-        sentence=sentences.measured_gear(result, name_of(part)),
+        sentence=sentences.transmission(result, name_of(part)),
         parameters=parameters,
         evidence=fit.evidence(SIDE if part == "play" else LOAD),
         torque_gap=Gap.between(one, two),

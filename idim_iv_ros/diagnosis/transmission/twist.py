@@ -252,7 +252,7 @@ def fit_twist(rows: TwistRows) -> TwistFit:
             continue
         wider, place = fit, -1
         if term in terms:
-            place = sum(regression.widths[: terms.index(term)])
+            place = regression.blocks[terms.index(term)].start
         else:
             wider = regression.with_columns({0: columns[term]}).fit()
         variance = float(wider.coefficient_covariance[place, place])
@@ -283,7 +283,7 @@ def _chosen(
     selection = select(NamedColumns(columns, acts_with={RATE: LOAD}), ledger)
     odds = float(np.log(settings.PRESENCE / (1.0 - settings.PRESENCE)))
     kept = supported(selection.comparison, selection.terms, odds)
-    by_name = {term.key[0]: term for term in kept}
+    by_name = {term.key.effect: term for term in kept}
     if LOAD not in by_name:
         by_name.pop(RATE, None)
     return selection, {name: by_name[name] for name in columns if name in by_name}
