@@ -160,7 +160,8 @@ def concluded(
     gaps, findings = where(data, explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], explanation.floors)
-    hidden = not_shown_by_motion(data, structural, noise)
+    made = explanation.selection.catalogue.made
+    hidden = not_shown_by_motion(data, structural, noise, made)
     named = {(cause.effect, cause.joint) for cause in causes}
 
     outside = unexplained(explanation)

@@ -4,7 +4,7 @@ Only columns and noise enter: the model's own parameters absorb a part of each c
 left must stand out of the noise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,8 @@ _MOST_SCALED = 1.5  # times that a shaft or a delay is scaled up to be seen
 _NONCENTRALITY = 20.0  # chi-square at which an effect is seen
 _LEAST_SHARE = 0.01  # of the whitened residual, the same
 _TINY = 1e-12
+
+Made = Callable[[Effect, Place, Shape], Columns | None]
 
 
 class Absorption:
@@ -153,11 +155,13 @@ def not_shown_by_motion(
     data: Baseline,
     catalogue: Sequence[Effect],
     noise_models: Sequence[AutoregressiveModel],
+    made: Made = lambda effect, place, shape: None,
 ) -> tuple[NotTestable, ...]:
     """Say which effects the motion cannot show, joint by joint.
 
     Only the regressor of the refit is used, not its torque. `noise_models`: noise of
-    each joint, given beforehand or bounded from below (`floor_noise_models`).
+    each joint, given beforehand or bounded from below (`floor_noise_models`). `made`: columns that
+    the search has.
     """
     absorption = Absorption(data.regression, noise_models)
     refused = []
@@ -168,7 +172,7 @@ def not_shown_by_motion(
             for place in places[:1]:
                 reason, smallest = cannot_show(effect, covered), ""
                 if not reason:
-                    shapes = _shaped(data, effect, place)
+                    shapes = _shaped(data, effect, place, made)
                     reason, smallest = detectability(absorption, effect, shapes, joint, covered)
                 if reason:
                     needed = _TORQUE if covered.left_out else effect.excitation
@@ -187,13 +191,19 @@ def floor_noise_models(fit: Fit, floors: Sequence[NoiseFloor]) -> tuple[Autoregr
     )
 
 
-def _shaped(data: Baseline, effect: Effect, place: Place) -> list[tuple[Shape, Columns]]:
+def _shaped(
+    data: Baseline, effect: Effect, place: Place, made: Made
+) -> list[tuple[Shape, Columns]]:
     """A few shapes from all over the grid that are possible on the motion, with their columns."""
     grid = effect.grid(data.covered[place.joint])
     places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
     shapes = [grid[k] for k in np.unique(places)] if grid else []
+    columns = {shape: made(effect, place, shape) for shape in shapes}
+    missing = [shape for shape, table in columns.items() if table is None]
+    columns.update(zip(missing, rows_of(data, effect, place, missing), strict=True))
     return [
         (shape, table)
-        for shape, table in zip(shapes, rows_of(data, effect, place, shapes), strict=True)
-        if all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
+        for shape, table in columns.items()
+        if table is not None
+        and all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
     ]

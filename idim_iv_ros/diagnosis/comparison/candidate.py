@@ -190,6 +190,21 @@ class Catalogue:
             for columns in made
         ]
 
+    def made(self, effect: Effect, place: Place, shape: Shape) -> Columns | None:
+        """Rows (r_j, w) that a candidate has of an effect in one shape; None where none has it."""
+        for candidate in self.candidates:
+            if (
+                candidate.effect is effect
+                and candidate.place == place
+                and shape in candidate.shapes
+            ):
+                first = candidate.shapes.index(shape) * candidate.width
+                lines = slice(first, first + candidate.width)
+                return {
+                    joint: table[lines].T.astype(float) for joint, table in candidate.lines.items()
+                }
+        return None
+
     def _effects(self, effects: Sequence[Effect], kind: Kind) -> list[Candidate]:
         made = []
         for effect in effects:
