@@ -59,6 +59,7 @@ class Drive(NamedTuple):
     spring_bend: FloatArray  # rad; > 0 hardens (sinh), < 0 softens (arctan)
     eccentricity: FloatArray  # rad, (n_joints, 2): once and twice a turn
     eccentricity_phase: FloatArray  # rad, (n_joints, 2)
+    zero: FloatArray  # rad that the encoder shows where the joint is at zero
     stop: FloatArray  # N m/rad^1.5 of a bumper
     stop_at: FloatArray  # rad
     stop_side: FloatArray  # +1 beyond stop_at, -1 before it

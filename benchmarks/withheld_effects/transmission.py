@@ -62,8 +62,7 @@ def motor_torque(drive: Drive, j: int, command: float, position: float) -> float
 
 @njit(cache=True, forceinline=True)
 def encoder_error(drive: Drive, j: int, position: float) -> float:
-    """What an eccentric disc adds to the measured position, rad: once and twice a turn."""
+    """What a wrong zero and an eccentric disc add to the measured position, rad."""
     phase = drive.eccentricity_phase[j]
-    return drive.eccentricity[j, 0] * np.sin(position + phase[0]) + drive.eccentricity[
-        j, 1
-    ] * np.sin(2.0 * position + phase[1])
+    once = drive.eccentricity[j, 0] * np.sin(position + phase[0])
+    return drive.zero[j] + once + drive.eccentricity[j, 1] * np.sin(2.0 * position + phase[1])

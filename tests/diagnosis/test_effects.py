@@ -205,6 +205,19 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
         assert np.abs(torques[joint] - expected[:, joint])[calm].max() < 0.02 * largest
 
 
+def test_a_wrong_zero_turns_what_is_behind_the_joint() -> None:
+    motion = synthetic()
+    torques = total(motion, "encoder_offset", Shape(), [2e-3])
+    turned = motion.position - np.array([0.0, 2e-3])
+    velocity, acceleration = motion.velocity, motion.acceleration
+    robot, whole = motion.robot, motion.whole
+    expected = inverse_dynamics(robot, whole, turned, velocity, acceleration)
+    expected -= inverse_dynamics(robot, whole, motion.position, velocity, acceleration)
+    for joint in (0, 1):
+        largest = np.abs(expected[:, joint]).max()
+        assert np.abs(torques[joint] - expected[:, joint]).max() < 0.01 * largest
+
+
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effect) -> None:
     motion = synthetic(3.0)
@@ -264,6 +277,7 @@ UNITS = {
         "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
         "lowest": "rad", "highest": "rad",
     },
+    "encoder_offset": {"offset": "rad"},
     "encoder_eccentricity": dict.fromkeys(("sine", "cosine", "sine_2", "cosine_2"), "rad"),
     "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m at 1 rad/s", "power": ""},
 }  # fmt: skip
@@ -348,8 +362,8 @@ IN_ORDER = (
     "drive_inertia", "link_inertia",
     "stribeck", "nonlinear_viscous", "asymmetric_friction", "load_dependent_friction",
     "position_dependent_friction", "friction_drift", "presliding", "backlash", "elasticity",
-    "time_delay", "torque_saturation", "position_ripple", "spring", "encoder_eccentricity",
-    "joint_coupling",
+    "time_delay", "torque_saturation", "position_ripple", "spring", "encoder_offset",
+    "encoder_eccentricity", "joint_coupling",
 )  # fmt: skip
 
 
@@ -398,6 +412,7 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
         ("elasticity", ShaftShape(1e3, 1.0), [1.0], [-1.0]),
         ("time_delay", DelayShape(0.002), [1.0], [-1.0]),
         ("torque_saturation", KneeShape(3.0), [0.2], [-0.2]),
+        ("encoder_offset", Shape(), [-0.02], [0.3]),
         ("encoder_eccentricity", DiscShape(False), [0.01, -0.01], [0.2, 0.0]),
         ("joint_coupling", CouplingShape(1.0, 1.0), [0.2, 0.1], [-0.2, 0.1]),
         # Of either sign.

@@ -141,6 +141,7 @@ CASES = [
     Case("spring", CubicShape(-1.0, 0.5), (1.0, -0.4, 0.5)),
     Case("spring", BentShape(True, 0.0, 1.0, 0.4, 0.3), (1.0, 0.2)),
     Case("spring", BentShape(False, 0.0, 1.0, 0.4, 0.2), (-1.0, 0.5), joint=1),
+    Case("encoder_offset", Shape(), (3e-3,), 0.02),
     # First order in the error, and the acceleration that the encoder shows is a difference.
     Case("encoder_eccentricity", DiscShape(True), (3e-3, -2e-3, 1e-3, 5e-4), 0.02),
     Case("joint_coupling", CouplingShape(1.0, 1.0), (0.4, 0.2)),
@@ -165,7 +166,7 @@ def compare(case):
     velocity = result.measured_velocity
     acceleration = result.acceleration
     # Shown by the encoder; or integrated by the catalogue, which a stop between samples disturbs.
-    if case.effect in ("encoder_eccentricity", "elasticity", "backlash"):
+    if case.effect in ("encoder_offset", "encoder_eccentricity", "elasticity", "backlash"):
         acceleration = np.gradient(velocity, 1.0 / one.rate, axis=0)
     motion = smooth(result.measured_position, velocity, acceleration, one.rate)
     torque = result.applied_torque

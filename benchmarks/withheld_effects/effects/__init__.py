@@ -29,6 +29,7 @@ STRUCTURAL = _named(
     transmission.position_ripple,
     transmission.spring,
     transmission.encoder_eccentricity,
+    transmission.encoder_offset,
     transmission.joint_coupling,
     actuation.controller_mismatch,
 )

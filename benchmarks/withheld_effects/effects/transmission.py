@@ -129,3 +129,14 @@ def encoder_eccentricity(rng: np.random.Generator, given: GivenRobot, joint: int
     )
 
     return Effect("encoder_eccentricity", joint, apply, 8.0, 10.0, {"second": second})
+
+
+def encoder_offset(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
+    """The encoder's zero is not the drawing's; of large arms at a joint whose turn gravity shows."""
+    last = len(given.joints) - 1
+    joint = joint if last == 1 else min(max(joint, 1), last - 1)
+    side = rng.choice([-1.0, 1.0])
+
+    apply = on_drive(joint, lambda strength: {"zero": 5e-3 * side * strength})
+
+    return Effect("encoder_offset", joint, apply, 1.0, 10.0, {"side": side}, measure="given")
