@@ -116,6 +116,8 @@ class StructuralEffect(Cause, Generic[S]):
     # Ends of numbers of the shape in the search, and numbers that it does not move.
     ends: ClassVar[Mapping[str, tuple[float, float]]] = {}
     fixed: ClassVar[tuple[str, ...]] = ()
+    # Coefficients that a refit has as the offset of the joint.
+    in_offset: ClassVar[tuple[str, ...]] = ()
     # Whether the shape may vary beside the coefficients; not where one is its change.
     free_shape: ClassVar[bool] = True
     # Where its size sits: in the coefficients, in one coefficient that scales a shape (which holds

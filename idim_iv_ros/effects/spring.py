@@ -19,11 +19,12 @@ _POWERS = ("constant", "linear", "quadratic", "cubic")
 
 
 @dataclass(frozen=True)
-class CubicShape(Shape):
-    """Lowest and highest position, rad: outside them a cubic polynomial is constant."""
+class PolynomialShape(Shape):
+    """Lowest and highest position, rad: outside them a polynomial is constant; its degree."""
 
     lowest: float
     highest: float
+    degree: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,11 @@ def _bent(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 _POLYNOMIAL, _BENT = TorqueLaw(_polynomial), TorqueLaw(_bent)
 
 
-class Spring(StructuralEffect[CubicShape | BentShape]):
+class Spring(StructuralEffect[PolynomialShape | BentShape]):
     """A smooth function of the position, the same in both directions.
 
-    Its constant is the model's offset; of a linear spring the model absorbs what looks like
-    gravity, too.
+    Its constant says where it rests. A refit has that as its offset, and of a linear spring what
+    looks like gravity, too.
     """
 
     name = "spring"
@@ -81,10 +82,11 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
         ParameterSpec("width", "rad", "width of the bent part", 1.0, "positive"),
     )
     laws = (_POLYNOMIAL, _BENT)
+    in_offset = ("constant",)
     element_of = "joint"
 
-    def grid(self, covered: JointRange) -> list[CubicShape | BentShape]:
-        """A polynomial, and both bends with centres over the range and four widths."""
+    def grid(self, covered: JointRange) -> list[PolynomialShape | BentShape]:
+        """A line, a cubic, and both bends with centres over the range and four widths."""
         low, high = covered.low, covered.high
         if high <= low:
             return []
@@ -94,13 +96,13 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             for centre in np.linspace(low, high, _CENTRES)
             for width in _WIDTHS
         ]
-        return [CubicShape(low, high), *bent]
+        return [PolynomialShape(low, high, 1.0), PolynomialShape(low, high), *bent]
 
     def neighbours(
-        self, shape: CubicShape | BentShape, step: float, covered: JointRange
-    ) -> list[CubicShape | BentShape]:
+        self, shape: PolynomialShape | BentShape, step: float, covered: JointRange
+    ) -> list[PolynomialShape | BentShape]:
         """Shapes with a nearby centre and width of the bend."""
-        if isinstance(shape, CubicShape):
+        if isinstance(shape, PolynomialShape):
             return []
         centre, width, span = shape.centre, shape.width, shape.highest - shape.lowest
         return [
@@ -110,17 +112,21 @@ class Spring(StructuralEffect[CubicShape | BentShape]):
             replace(shape, width=max(width / (1.0 + step), 0.05 * span)),
         ]
 
-    def columns(self, motion: RobotMotion, place: Place, shape: CubicShape | BentShape) -> Torques:
-        """Powers of the position, or the position and the bend."""
+    def columns(
+        self, motion: RobotMotion, place: Place, shape: PolynomialShape | BentShape
+    ) -> Torques:
+        """A constant and powers of the position, or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
-        if isinstance(shape, CubicShape):
-            return {place.joint: np.column_stack([q, q**2, q**3])}
-        bend = np.sinh if shape.hardening else np.arctan
-        return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
+        if isinstance(shape, PolynomialShape):
+            return {place.joint: np.vander(q, round(shape.degree) + 1, increasing=True)}
+        bend = (np.sinh if shape.hardening else np.arctan)((q - shape.centre) / shape.width)
+        return {place.joint: np.column_stack([np.ones_like(q), q, bend])}
 
-    def names(self, shape: CubicShape | BentShape) -> tuple[str, ...]:
+    def names(self, shape: PolynomialShape | BentShape) -> tuple[str, ...]:
         """Names of the coefficients: powers of the position, or its linear and its bent part."""
-        return ("linear", "bent") if isinstance(shape, BentShape) else _POWERS[1:]
+        if isinstance(shape, BentShape):
+            return ("constant", "linear", "bent")
+        return _POWERS[: round(shape.degree) + 1]
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """A polynomial stiffness, where the joint never leaves the range of the polynomial."""

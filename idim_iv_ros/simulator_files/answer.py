@@ -77,7 +77,10 @@ def read_answer(
     _require_effects(path, causes)
     kept, others = kept_causes(causes, without, str(path))
     structural = [cause for cause in kept if BY_NAME[cause.effect].kind == "structural"]
-    effects = tuple(effect_of_cause(cause, f"{path}: causes") for cause in structural)
+    of_refit = refit or remainder
+    effects = tuple(
+        effect_of_cause(cause, f"{path}: causes", refit=of_refit) for cause in structural
+    )
     joint_effects(effects, model.robot.joints)  # names and numbers as the simulator takes them
     notes = tuple(
         f"{cause_name(cause)} is indistinguishable from "

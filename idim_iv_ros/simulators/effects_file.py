@@ -8,7 +8,8 @@ from typing import ClassVar, Final, Literal
 from idim_iv_ros.diagnosis.result.causes import Cause
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.documents import Document, Unsaved
-from idim_iv_ros.effects.registry import name_of
+from idim_iv_ros.effects.effect import StructuralEffect
+from idim_iv_ros.effects.registry import BY_NAME, name_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import read_text
 from idim_iv_ros.simulation import SimulatedEffect
@@ -47,9 +48,14 @@ class EffectsFile(Document):
         return {**nominal, **self.base_parameters}
 
 
-def effect_of_cause(cause: Cause, source: str) -> SimulatedEffect:
-    """Return a cause of a diagnosis as a simulated effect; `source` names it in messages."""
-    numbers = {name: parameter.value for name, parameter in cause.parameters.items()}
+def effect_of_cause(cause: Cause, source: str, *, refit: bool = False) -> SimulatedEffect:
+    """Return a cause of a diagnosis as a simulated effect; `source` names it in messages.
+
+    `refit`: whether it is put into a refit, whose offset has the constants of effects.
+    """
+    effect = BY_NAME[cause.effect]
+    there = effect.in_offset if refit and isinstance(effect, StructuralEffect) else ()
+    numbers = {name: p.value for name, p in cause.parameters.items() if name not in there}
     return SimulatedEffect(cause.effect, cause.joint, numbers, cause.other_joint, source)
 
 

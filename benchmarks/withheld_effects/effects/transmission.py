@@ -132,7 +132,7 @@ def encoder_eccentricity(rng: np.random.Generator, given: GivenRobot, joint: int
 
 
 def encoder_offset(rng: np.random.Generator, given: GivenRobot, joint: int) -> Effect:
-    """The encoder's zero is not the drawing's; of large arms between the first and the last joint."""
+    """The encoder's zero is not the drawing's; of large arms not at the first or last joint."""
     last = len(given.joints) - 1
     joint = joint if last == 1 else min(max(joint, 1), last - 1)
     side = rng.choice([-1.0, 1.0])

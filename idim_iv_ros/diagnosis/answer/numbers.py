@@ -31,6 +31,8 @@ def parameters_of(explanation: Explained, number: int) -> dict[str, EffectParame
     effect, shape, coefficients = term.effect, term.shape, term.coefficients
     inner = explanation.fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
+    # Of what the refit has in its base parameters the search knows how precise it is.
+    fixed = np.where(fixed > 0.0, fixed, term.deviations)
     numbers = effect.parameters(shape, coefficients, fixed)
     covered = explanation.data.covered[term.place.joint]
     near = _near(term, shape, covered) if effect.free_shape else []
@@ -66,6 +68,9 @@ def _with_free_shape(
     further = wider.coefficients[places]
     further[: term.width] -= term.coefficients
     covariance = wider.coefficient_covariance[np.ix_(places, places)]
+    absent = np.flatnonzero(np.diag(covariance)[: term.width] == 0.0)
+    covariance[absent, absent] = term.deviations[absent] ** 2
+    further[absent] = 0.0
     # Directions that the recording leaves open end where sizes and shapes usually do.
     usual = scipy.linalg.block_diag(
         term.prior_root @ term.prior_root.T, np.eye(len(near)) * (_USUAL_SHAPE / _SHAPE_STEP) ** 2

@@ -14,6 +14,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange
 from idim_iv_ros.diagnosis.result.recordings import SignalChain
 from idim_iv_ros.effects.cause import EffectParameter
@@ -22,6 +23,10 @@ from idim_iv_ros.simulation import control_period
 from idim_iv_ros.types import FloatArray
 
 _EARLIEST_SHIFT = -1.0  # control periods: what a single joint tells of the recording
+# Joints that share a long shift: friction that falls with the speed looks late at every joint, and
+# at every one by another time.
+_SHARED = 0.75
+_FALLING = (0.03, 0.1)  # of the largest speed: over which friction may fall
 _SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first order only
 
 
@@ -45,10 +50,10 @@ class EffortShift:
 
     @property
     def beyond_control(self) -> bool:
-        """Whether most joints share more than a command makes that is held and computed."""
+        """Whether nearly all joints share more than a command makes that is held and computed."""
         shift, joints = self.common, len(self.chain.joint_shifts)
         shared = joints - len(self.chain.differing)
-        if shift.std is None or shared < 2 or 2 * shared <= joints:
+        if shift.std is None or shared < 2 or shared < _SHARED * joints:
             return False
         return is_beyond_control(shift.value - self.configured, shift.std, self.period)
 
@@ -128,23 +133,36 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
     """Estimate the common shift of the effort and take it out of the rows.
 
     Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
-    motion, fitted together with the base parameters and the noise model. The data are returned with
+    motion, fitted together with the base parameters, falling friction and the noise model. The data are returned with
     the torque of their rows at the instants at which it acts.
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
-    slopes = [np.gradient(motion.torque, 1.0 / motion.rate, axis=0) for motion in data.motions]
     rates = [
-        {joint: data.decimated(joint, [slope[:, [joint]] for slope in slopes])}
+        {joint: data.decimated(joint, [_late(motion, joint) for motion in data.motions])}
         for joint in range(len(data.joints))
     ]
     shifted = data
     for _ in range(_SHIFT_STEPS):
         fit = shifted.regression.with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
-        chain = _chain(data.joints, shifted.shift + fit.coefficients, deviations, period)
+        first = slice(None, None, 1 + len(_FALLING))
+        shifts = shifted.shift + fit.coefficients[first]
+        chain = _chain(data.joints, shifts, deviations[first], period)
         shifted = data.later(chain.effort_shift.value)
     return shifted, EffortShift(chain, period, controller.delay)
+
+
+def _late(motion: SmoothMotion, joint: int) -> FloatArray:
+    """Columns (s, 1 + k) of one joint: rate of its torque, and frictions that fall with the speed.
+
+    Without these a Stribeck curve looks late: the torque is higher after a reversal than before.
+    """
+    rate = np.gradient(motion.torque[:, joint], 1.0 / motion.rate)
+    speed = np.abs(motion.velocity[:, joint])
+    falls = speed / max(float(speed.max()), 1e-300)
+    slip = motion.slip[:, joint]
+    return np.column_stack([rate, *(slip * np.exp(-falls / share) for share in _FALLING)])
 
 
 def _chain(
@@ -159,7 +177,7 @@ def _chain(
         room = settings.SHIFT_AGREEMENT * period + noise
         agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
         count = int(agreeing.sum())
-        shared = count >= 2 and 2 * count > usable.sum()
+        shared = count >= 2 and count >= _SHARED * usable.sum()
         rank = (count, -float(shifts[joint]))
         if (shared or likely[joint]) and rank > preference:
             best, preference = agreeing, rank
