@@ -19,12 +19,19 @@ _POWERS = ("constant", "linear", "quadratic", "cubic")
 
 
 @dataclass(frozen=True)
-class PolynomialShape(Shape):
-    """Lowest and highest position, rad: outside them a polynomial is constant; its degree."""
+class LineShape(Shape):
+    """Lowest and highest position, rad: outside them the torque of a linear spring is constant."""
 
     lowest: float
     highest: float
-    degree: float = 3.0
+
+
+@dataclass(frozen=True)
+class CubicShape(Shape):
+    """Lowest and highest position, rad: outside them a cubic polynomial is constant."""
+
+    lowest: float
+    highest: float
 
 
 @dataclass(frozen=True)
@@ -55,11 +62,11 @@ def _bent(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 _POLYNOMIAL, _BENT = TorqueLaw(_polynomial), TorqueLaw(_bent)
 
 
-class Spring(StructuralEffect[PolynomialShape | BentShape]):
+class Spring(StructuralEffect[LineShape | CubicShape | BentShape]):
     """A smooth function of the position, the same in both directions.
 
-    Its constant says where it rests. A refit has that as its offset, and of a linear spring what
-    looks like gravity, too.
+    Of a linear one the constant says where it rests, which may be far from where the joint is; else
+    it is the model's offset, as it is in a refit. A refit has what looks like gravity, too.
     """
 
     name = "spring"
@@ -85,7 +92,7 @@ class Spring(StructuralEffect[PolynomialShape | BentShape]):
     in_offset = ("constant",)
     element_of = "joint"
 
-    def grid(self, covered: JointRange) -> list[PolynomialShape | BentShape]:
+    def grid(self, covered: JointRange) -> list[LineShape | CubicShape | BentShape]:
         """A line, a cubic, and both bends with centres over the range and four widths."""
         low, high = covered.low, covered.high
         if high <= low:
@@ -96,13 +103,13 @@ class Spring(StructuralEffect[PolynomialShape | BentShape]):
             for centre in np.linspace(low, high, _CENTRES)
             for width in _WIDTHS
         ]
-        return [PolynomialShape(low, high, 1.0), PolynomialShape(low, high), *bent]
+        return [LineShape(low, high), CubicShape(low, high), *bent]
 
     def neighbours(
-        self, shape: PolynomialShape | BentShape, step: float, covered: JointRange
-    ) -> list[PolynomialShape | BentShape]:
+        self, shape: LineShape | CubicShape | BentShape, step: float, covered: JointRange
+    ) -> list[LineShape | CubicShape | BentShape]:
         """Shapes with a nearby centre and width of the bend."""
-        if isinstance(shape, PolynomialShape):
+        if not isinstance(shape, BentShape):
             return []
         centre, width, span = shape.centre, shape.width, shape.highest - shape.lowest
         return [
@@ -113,20 +120,22 @@ class Spring(StructuralEffect[PolynomialShape | BentShape]):
         ]
 
     def columns(
-        self, motion: RobotMotion, place: Place, shape: PolynomialShape | BentShape
+        self, motion: RobotMotion, place: Place, shape: LineShape | CubicShape | BentShape
     ) -> Torques:
-        """A constant and powers of the position, or the position and the bend."""
+        """A line; powers of the position; or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
-        if isinstance(shape, PolynomialShape):
-            return {place.joint: np.vander(q, round(shape.degree) + 1, increasing=True)}
-        bend = (np.sinh if shape.hardening else np.arctan)((q - shape.centre) / shape.width)
-        return {place.joint: np.column_stack([np.ones_like(q), q, bend])}
+        if isinstance(shape, LineShape):
+            return {place.joint: np.column_stack([np.ones_like(q), q])}
+        if isinstance(shape, CubicShape):
+            return {place.joint: np.column_stack([q, q**2, q**3])}
+        bend = np.sinh if shape.hardening else np.arctan
+        return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
-    def names(self, shape: PolynomialShape | BentShape) -> tuple[str, ...]:
-        """Names of the coefficients: powers of the position, or its linear and its bent part."""
-        if isinstance(shape, BentShape):
-            return ("constant", "linear", "bent")
-        return _POWERS[: round(shape.degree) + 1]
+    def names(self, shape: LineShape | CubicShape | BentShape) -> tuple[str, ...]:
+        """Names of the coefficients: of a line, of powers, or of a line and its bent part."""
+        if isinstance(shape, LineShape):
+            return _POWERS[:2]
+        return ("linear", "bent") if isinstance(shape, BentShape) else _POWERS[1:]
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """A polynomial stiffness, where the joint never leaves the range of the polynomial."""

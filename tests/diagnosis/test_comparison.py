@@ -23,7 +23,7 @@ from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
-from idim_iv_ros.effects.spring import PolynomialShape
+from idim_iv_ros.effects.spring import LineShape
 from tests.diagnosis.motions import arm2_session, gravity_and_coriolis
 from tests.diagnosis.worlds import NOISE, PULSES, SINGLE, Torque, pulses, world
 from tests.estimation.test_simulated_arms import recorded
@@ -126,7 +126,7 @@ def test_a_spring_rests_where_it_rests(data: Baseline) -> None:
     regression = world(data, 9, 1, lambda m: 1.5 * (m.position[:, 1] - 2.0))
     (term,) = selected(data, regression).terms
     assert term.key[:2] == ("spring", 1)
-    assert isinstance(term.shape, PolynomialShape) and term.shape.degree == 1.0
+    assert isinstance(term.shape, LineShape)
     assert term.coefficients == pytest.approx([-3.0, 1.5], rel=0.05)
 
 

@@ -30,7 +30,7 @@ from idim_iv_ros.effects.payload import Payload
 from idim_iv_ros.effects.position_dependent_friction import TightSpot
 from idim_iv_ros.effects.presliding import BristleShape
 from idim_iv_ros.effects.registry import CAUSES, EFFECTS, PARAMETRIC, STRUCTURAL
-from idim_iv_ros.effects.spring import BentShape, PolynomialShape
+from idim_iv_ros.effects.spring import BentShape, CubicShape, LineShape
 from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
@@ -103,14 +103,14 @@ FORMULAS: list[tuple[str, Shape, list[float], Formula]] = [
     ("position_ripple", Waves((9.0, 31.0)), [0.1, 0.2, 0.3, -0.4],
      lambda m, q, v: 0.1 * np.sin(9 * q) + 0.2 * np.cos(9 * q)
      + 0.3 * np.sin(31 * q) - 0.4 * np.cos(31 * q)),
-    ("spring", PolynomialShape(-0.2, 0.6), [0.5, 2.0, -3.0, 4.0],
-     lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.5], np.minimum(np.maximum(q, -0.2), 0.6))),
-    ("spring", PolynomialShape(-0.2, 0.6, 1.0), [0.5, 2.0],
+    ("spring", CubicShape(-0.2, 0.6), [2.0, -3.0, 4.0],
+     lambda m, q, v: np.polyval([4.0, -3.0, 2.0, 0.0], np.minimum(np.maximum(q, -0.2), 0.6))),
+    ("spring", LineShape(-0.2, 0.6), [0.5, 2.0],
      lambda m, q, v: 0.5 + 2.0 * np.minimum(np.maximum(q, -0.2), 0.6)),
-    ("spring", BentShape(True, -2.0, 2.0, 0.1, 0.3), [0.4, 2.0, 0.5],
-     lambda m, q, v: 0.4 + 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
-    ("spring", BentShape(False, -2.0, 2.0, 0.1, 0.3), [0.4, 2.0, 0.5],
-     lambda m, q, v: 0.4 + 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
+    ("spring", BentShape(True, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+     lambda m, q, v: 2.0 * q + 0.25 * (np.exp((q - 0.1) / 0.3) - np.exp((0.1 - q) / 0.3))),
+    ("spring", BentShape(False, -2.0, 2.0, 0.1, 0.3), [2.0, 0.5],
+     lambda m, q, v: 2.0 * q + 0.5 * np.arctan2(q - 0.1, 0.3)),
 ]  # fmt: skip
 
 
@@ -276,7 +276,7 @@ UNITS = {
     "torque_saturation": {"knee": "N m", "slope": ""},
     "position_ripple": {"wave_number_1": "1/rad", "sine_1": "N m", "cosine_1": "N m"},
     "spring": {
-        "constant": "N m", "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
+        "linear": "N m/rad", "quadratic": "N m/rad²", "cubic": "N m/rad³",
         "lowest": "rad", "highest": "rad",
     },
     "encoder_offset": {"offset": "rad"},
@@ -284,10 +284,7 @@ UNITS = {
     "joint_coupling": {"direction": "", "coulomb": "N m", "viscous": "N m at 1 rad/s", "power": ""},
 }  # fmt: skip
 # Of the parameters above; the first shape of the grid elsewhere.
-SHAPES = {
-    "encoder_eccentricity": DiscShape(True),
-    "spring": PolynomialShape(-0.2, 0.6),
-}
+SHAPES = {"encoder_eccentricity": DiscShape(True), "spring": CubicShape(-0.2, 0.6)}
 
 
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
@@ -423,7 +420,7 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
         # Of either sign.
         ("asymmetric_friction", Shape(), [-0.3], None),
         ("friction_drift", DriftShape(30.0, False), [-0.3, -0.3], None),
-        ("spring", PolynomialShape(-0.2, 0.6), [0.1, -0.3, 0.3, -0.3], None),
+        ("spring", CubicShape(-0.2, 0.6), [-0.3, 0.3, -0.3], None),
         ("position_ripple", Waves((9.0,)), [-0.3, 0.3], None),
     ],
 )

@@ -21,7 +21,7 @@ from idim_iv_ros.effects.nonlinear_viscous import PowerShape
 from idim_iv_ros.effects.position_dependent_friction import TightSpot
 from idim_iv_ros.effects.presliding import BristleShape
 from idim_iv_ros.effects.registry import CAUSES, PARAMETRIC, STRUCTURAL
-from idim_iv_ros.effects.spring import BentShape, PolynomialShape
+from idim_iv_ros.effects.spring import BentShape, CubicShape, LineShape
 from idim_iv_ros.effects.stribeck import StribeckShape
 from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
@@ -138,9 +138,10 @@ CASES = [
     # The mean of both sides of a step across the knee bends a little earlier.
     Case("torque_saturation", KneeShape(6.0), (0.3,), 1e-3),
     Case("position_ripple", Waves((40.0, 80.0)), (0.5, 0.2, 0.1, 0.0)),
-    Case("spring", PolynomialShape(-1.0, 0.5), (0.2, 1.0, -0.4, 0.5)),
-    Case("spring", BentShape(True, 0.0, 1.0, 0.4, 0.3), (0.3, 1.0, 0.2)),
-    Case("spring", BentShape(False, 0.0, 1.0, 0.4, 0.2), (-0.2, -1.0, 0.5), joint=1),
+    Case("spring", LineShape(-1.0, 0.5), (0.2, 1.0)),
+    Case("spring", CubicShape(-1.0, 0.5), (1.0, -0.4, 0.5)),
+    Case("spring", BentShape(True, 0.0, 1.0, 0.4, 0.3), (1.0, 0.2)),
+    Case("spring", BentShape(False, 0.0, 1.0, 0.4, 0.2), (-1.0, 0.5), joint=1),
     Case("encoder_offset", Shape(), (3e-3,), 0.02),
     # First order in the error, and the acceleration that the encoder shows is a difference.
     Case("encoder_eccentricity", DiscShape(True), (3e-3, -2e-3, 1e-3, 5e-4), 0.02),

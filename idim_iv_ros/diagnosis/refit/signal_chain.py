@@ -133,8 +133,8 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
     """Estimate the common shift of the effort and take it out of the rows.
 
     Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
-    motion, fitted together with the base parameters, falling friction and the noise model. The data are returned with
-    the torque of their rows at the instants at which it acts.
+    motion, fitted together with the base parameters, falling friction and the noise model. The data
+    are returned with the torque of their rows at the instants at which it acts.
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
