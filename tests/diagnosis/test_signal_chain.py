@@ -76,6 +76,15 @@ def test_a_shift_of_all_joints_is_estimated_and_taken_out(arm, data, delay) -> N
         assert error < 0.01 * np.std(original.torque)
 
 
+def test_friction_that_falls_with_the_speed_is_no_delay_of_all_joints(arm, data) -> None:
+    """Its torque is higher after a reversal than before, as if it came late."""
+    speed = simulated_arms.record(arm, 1).truth.velocity
+    falling = np.array([1.5, 0.5]) * np.sign(speed) * np.exp(-((speed / 0.15) ** 2))
+    _, shift = aligned(with_effort(data, effort_of(recorded(arm, 1)) + falling))
+    assert not shift.beyond_control
+    assert abs(shift.common.value) < 0.5 * PERIOD
+
+
 def test_a_joint_that_is_later_than_the_other_keeps_its_delay(arm, data) -> None:
     effort = effort_of(recorded(arm, 1))
     _, chain = aligned(with_effort(data, later(effort, [0.0, 4e-3], arm.rate)))
