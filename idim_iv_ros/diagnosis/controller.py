@@ -4,9 +4,10 @@ The search is that of the torque. Its rows are recorded less computed commands, 
 errors of the recording with their likely sizes, its candidates the groups of the law.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
+_NO_JOINTS: Mapping[str, EffectParameter] = MappingProxyType({})
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
 
@@ -177,7 +179,11 @@ class LawCheck:
 
 
 def check_law(
-    data: Baseline, without: Collection[str] = (), *, shift: EffectParameter = _ON_TIME
+    data: Baseline,
+    without: Collection[str] = (),
+    *,
+    shift: EffectParameter = _ON_TIME,
+    of_joints: Mapping[str, EffectParameter] = _NO_JOINTS,
 ) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
@@ -189,7 +195,8 @@ def check_law(
     nothing differs; `why_not_checked` says why.
 
     `shift`: from the recorded effort to the torque on the joints, s (`EffortShift.common`);
-    negative where the effort is measured after it acts.
+    negative where the effort is measured after it acts; `of_joints`: of joints that have another:
+    where theirs is earlier the recording is late, and not the law.
     """
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
@@ -199,7 +206,10 @@ def check_law(
     longest, shared = _shared_lag(commands, joints.values(), max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
     for joint, change in joints.items():
-        changes, cause = _cause(data, commands.law, joint, change, longest)
+        theirs = of_joints.get(data.joints[joint], shift)
+        late = max(shift.value - theirs.value, 0.0)
+        late += settings.CLEAR_DEVIATIONS * (theirs.std or 0.0) if late > 0.0 else 0.0
+        changes, cause = _cause(data, commands.law, joint, change, longest + late)
         if cause is not None:
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:

@@ -142,7 +142,9 @@ def concluded(
     effects = [effect.term for effect in explanation.effects]
     recordings = agreement(explanation.selection.catalogue, effects)
     numbers, errors = parametric_causes(explanation)
-    law = check_law(data, without, shift=refit.shift.common)
+    chain = refit.shift.chain
+    differing = {joint: chain.joint_shifts[joint] for joint in chain.differing}
+    law = check_law(data, without, shift=refit.shift.common, of_joints=differing)
     law = law.not_shown_by_torque(data, numbers, effects)
     causes = [
         *structural_causes(explanation, simulation_gaps(explanation, tracked)),

@@ -224,6 +224,10 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data) -> None:
     (finding,) = check_law(late, shift=EffectParameter(-3.0 / signals.rate, 0.0, "s")).causes
     assert finding.joint == data.joints[1]
     assert finding.parameters["lag"].value == pytest.approx(3.5 / signals.rate, rel=0.1)
+    # Unless its effort is that much later than what acts: then it is recorded late.
+    common, recorded_late = (EffectParameter(-k / signals.rate, 1e-5, "s") for k in (0.5, 3.5))
+    joint = data.joints[1]
+    assert check_law(late, shift=common, of_joints={joint: recorded_late}).causes == ()
 
 
 def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(arm, data) -> None:

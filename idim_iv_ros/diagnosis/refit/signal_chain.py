@@ -89,16 +89,21 @@ class EffortShift:
         shift, others = self.common.value, self.chain.differing
         if self.common.std is None:
             return "the effort's common shift in time cannot be determined on this recording"
-        when = "before it acts" if shift >= 0.0 else "after it acts"
         half = 1e3 * settings.NORMAL_95 * self.common.std
         text = (
-            f"the effort is recorded {1e3 * abs(shift):.3f} ± {half:.2g} ms {when} "
-            f"({abs(self.chain.periods):.2f} control periods), and aligned by that: a "
-            "command that is held over its period acts half a period late"
+            f"the effort is recorded {1e3 * abs(shift):.3f} ± {half:.2g} ms {_when(shift)} "
+            f"({abs(self.chain.periods):.2f} control periods), and aligned by that"
         )
-        if others:
-            text += f"; {', '.join(others)} differ{'s' if len(others) == 1 else ''} from the others"
-        return text
+        if shift >= 0.0:
+            text += ": a command that is held over its period acts half a period late"
+        shifts = [(name, self.chain.joint_shifts[name].value) for name in others]
+        return text + "".join(
+            f"; that of {name} {1e3 * abs(value):.3g} ms {_when(value)}" for name, value in shifts
+        )
+
+
+def _when(shift: float) -> str:
+    return "before it acts" if shift >= 0.0 else "after it acts"
 
 
 def is_beyond_control(delay: float, std: float, period: float) -> bool:
