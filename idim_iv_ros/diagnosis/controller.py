@@ -207,9 +207,9 @@ def check_law(
     causes, gains, beyond = [], {}, []
     for joint, change in joints.items():
         theirs = of_joints.get(data.joints[joint], shift)
-        late = max(shift.value - theirs.value, 0.0)
-        late += settings.CLEAR_DEVIATIONS * (theirs.std or 0.0) if late > 0.0 else 0.0
-        changes, cause = _cause(data, commands.law, joint, change, longest + late)
+        behind = max(shift.value - theirs.value, 0.0)
+        behind += settings.CLEAR_DEVIATIONS * (theirs.std or 0.0) if behind > 0.0 else 0.0
+        changes, cause = _cause(data, commands.law, joint, change, longest + behind)
         if cause is not None:
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:
