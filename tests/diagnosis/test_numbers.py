@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.stats import chi2
 
@@ -20,7 +21,7 @@ from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result.causes import Cause
-from idim_iv_ros.model.parameters import INERTIAL
+from idim_iv_ros.model.parameters import INERTIAL, parameters_of
 from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
@@ -115,6 +116,24 @@ def test_a_link_that_is_heavier_is_one_number() -> None:
     assert (cause.effect, cause.joint) == ("link_inertia", data.joints[3])
     assert list(cause.parameters) == ["relative_change_of_mass"]
     assert covers(cause, "relative_change_of_mass", 0.25)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_load_of_five_link_masses_has_its_mass_beside_errors_of_all_numbers(seed: int) -> None:
+    """Errors of the other links hide the direction of the mass: it is unsure there, not zero."""
+    arm = arm6(seconds=16.0)
+    data = baseline([recorded(arm, 1)], arm.configuration)
+    model, layout = data.prepared.model, data.prepared.model.regressor.layout
+    mass = 5.0 * float(model.robot.given.inertial[5, 0])
+    body = pin.Inertia.FromSphere(mass, 0.03)
+    body.lever = np.array([0.0, 0.02, 0.08])
+    held = dict(zip(INERTIAL, parameters_of(body), strict=True))
+    payload = [held.get(one.kind, 0.0) if one.joint == 5 else 0.0 for one in layout.parameters]
+    change = model.base.grouping @ np.array(payload) + errors_of_everything(data, seed, 0.05)
+    noise = 0.004 * np.array(data.torque_sizes)
+    (cause,) = causes_of(data, world(data, seed, change=change, noise=noise))
+    assert (cause.effect, cause.joint) in {("payload", "joint_6"), ("link_inertia", "joint_6")}
+    assert covers(cause, "mass" if cause.effect == "payload" else "change_of_M6", mass)
 
 
 def test_friction_level_with_its_size(data: Baseline) -> None:

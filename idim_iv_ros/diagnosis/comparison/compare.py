@@ -309,9 +309,14 @@ class _Ranking:
         w, place = int(options.width[k]), options.place[k]
         basis = comparison.nominal.basis[w][place]
         spread = basis @ (vectors / np.sqrt(values))
-        deviations = np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row])
         unit = vectors @ (self._shrunk[row, self._along[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
+        # Along directions that the model takes it may be as large as along the others.
+        taken = float(np.linalg.norm(unit)) * (basis - (basis @ vectors) @ vectors.T)
+        deviations = np.hypot(
+            np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row]),
+            np.linalg.norm(taken, axis=1),
+        )
         candidate, shape = options.named(k)
         if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
             return None
