@@ -296,8 +296,13 @@ def _grown(comparison: Comparison, terms: Terms) -> Grown:
             again = comparison.best(others)
             if again is not None and again.identity == term.identity:
                 continue
-            terms = others if again is None else (*others[:number], again, *others[number:])
-            best = max(best, (comparison.objective(terms), terms), key=itemgetter(0))
+            new = others if again is None else (*others[:number], again, *others[number:])
+            value = comparison.objective(new)
+            # Another shape of the same effect only if it is better: shapes are many and alike.
+            if again is None or again.key != term.key or value > comparison.objective(terms):
+                terms, best = new, max(best, (value, new), key=itemgetter(0))
+        if _is_full(terms):
+            break
     return best
 
 
