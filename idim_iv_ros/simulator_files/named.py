@@ -293,8 +293,9 @@ def _link(
     nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
     body = _nearest_body(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
     return {
-        f"{kind}{number}": (float(value), numbers[kind].std if kind in numbers else None)
+        f"{kind}{number}": (float(value), change.std if change and change.value else None)
         for kind, value in zip(INERTIAL, body, strict=True)
+        for change in [numbers.get(kind)]
     }
 
 
