@@ -53,7 +53,7 @@ def effect_of_cause(cause: Cause, source: str, *, refit: bool = False) -> Simula
 
     `refit`: whether it is put into a refit, whose offset has the constants of effects.
     """
-    effect = BY_NAME[cause.effect]
+    effect = BY_NAME.get(cause.effect)
     there = effect.in_offset if refit and isinstance(effect, StructuralEffect) else ()
     numbers = {name: p.value for name, p in cause.parameters.items() if name not in there}
     return SimulatedEffect(cause.effect, cause.joint, numbers, cause.other_joint, source)

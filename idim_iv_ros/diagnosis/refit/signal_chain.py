@@ -143,23 +143,27 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
+    # Of a single joint nothing tells which of the two it is.
+    falling = _FALLING if len(data.joints) > 1 else ()
     rates = [
-        {joint: data.decimated(joint, [_late(motion, joint) for motion in data.motions])}
+        {joint: data.decimated(joint, [_late(motion, joint, falling) for motion in data.motions])}
         for joint in range(len(data.joints))
     ]
     shifted = data
     for _ in range(_SHIFT_STEPS):
         fit = shifted.regression.with_columns(*rates).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
-        first = slice(None, None, 1 + len(_FALLING))
+        first = slice(None, None, 1 + len(falling))
         shifts = shifted.shift + fit.coefficients[first]
         chain = _chain(data.joints, shifts, deviations[first], period)
         shifted = data.later(chain.effort_shift.value)
     return shifted, EffortShift(chain, period, controller.delay)
 
 
-def _late(motion: SmoothMotion, joint: int) -> FloatArray:
-    """Columns (s, 1 + k) of one joint: rate of its torque, and frictions that fall with the speed.
+def _late(motion: SmoothMotion, joint: int, shares: Sequence[float]) -> FloatArray:
+    """Columns (s, 1 + k) of one joint: rate of its torque, k frictions that fall with the speed.
+
+    `shares`: of the largest speed, over which they fall.
 
     Without these a Stribeck curve looks late: the torque is higher after a reversal than before.
     """
@@ -167,7 +171,7 @@ def _late(motion: SmoothMotion, joint: int) -> FloatArray:
     speed = np.abs(motion.velocity[:, joint])
     falls = speed / max(float(speed.max()), 1e-300)
     slip = motion.slip[:, joint]
-    return np.column_stack([rate, *(slip * np.exp(-falls / share) for share in _FALLING)])
+    return np.column_stack([rate, *(slip * np.exp(-falls / share) for share in shares)])
 
 
 def _chain(
