@@ -31,8 +31,8 @@ class LinkInertia(ParametricEffect):
         for kind, value in zip(INERTIAL, space.model.robot.given.of_bodies[joint], strict=True):
             for change in space.change(kind, joint, kind):
                 direction += value * change.direction
-        whole = [Change(_HEAVIER, "", direction, -1.0)] if direction.any() else []
-        return [*([whole] if whole else []), *super().variants(space, joint)]
+        whole = [[Change(_HEAVIER, "", direction, -1.0)]] if direction.any() else []
+        return [*whole, *super().variants(space, joint)]
 
     def standard_kind(self, name: str) -> str:
         """Letters of the inertial parameter that changes; empty of one that groups others."""

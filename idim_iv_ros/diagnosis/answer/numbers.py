@@ -68,9 +68,6 @@ def _with_free_shape(
     further = wider.coefficients[places]
     further[: term.width] -= term.coefficients
     covariance = wider.coefficient_covariance[np.ix_(places, places)]
-    absent = np.flatnonzero(np.diag(covariance)[: term.width] == 0.0)
-    covariance[absent, absent] = term.deviations[absent] ** 2
-    further[absent] = 0.0
     # Directions that the recording leaves open end where sizes and shapes usually do.
     usual = scipy.linalg.block_diag(
         term.prior_root @ term.prior_root.T, np.eye(len(near)) * (_USUAL_SHAPE / _SHAPE_STEP) ** 2
