@@ -20,6 +20,7 @@ _OF_DRIVES = {"Ia": "kg m²", "Fv": "N m s/rad", "Fc": "N m", "off": "N m"}
 INERTIAL = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 POINT = ("M", "MX", "MY", "MZ")  # of a mass without size
 WHOLE_LINK = "link"  # all of INERTIAL in proportion
+CENTRE_OF_MASS = ("centre x", "centre y", "centre z")  # mass and moments about it stay
 # Where each of INERTIAL is in (M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ), the order of
 # pinocchio's regressor and of DynamicParameters.inertial.
 REGRESSOR_ORDER = (4, 5, 7, 6, 8, 9, 1, 2, 3, 0)
@@ -33,6 +34,16 @@ def body_of(parameters: FloatArray) -> pin.Inertia:
 def parameters_of(body: pin.Inertia) -> FloatArray:
     """XX … M (10,) of a body about the origin of its frame."""
     return np.asarray(body.toDynamicParameters()[list(REGRESSOR_ORDER)])
+
+
+def with_centre_moved(parameters: FloatArray, shift: FloatArray) -> FloatArray:
+    """XX … M (10,) of a body whose centre of mass is moved (3,), m, and turned by nothing."""
+    first, mass = parameters[6:9], parameters[9]
+    moved = parameters.copy()
+    moved[6:9] += mass * shift
+    crossed = np.outer(first, shift) + np.outer(shift, first) + mass * np.outer(shift, shift)
+    moved[:6] += (np.trace(crossed) * np.eye(3) - crossed)[np.triu_indices(3)]
+    return moved
 
 
 _WORDS = {

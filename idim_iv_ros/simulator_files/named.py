@@ -23,7 +23,14 @@ from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.model.parameters import INERTIAL, WHOLE_LINK, body_of, parameters_of
+from idim_iv_ros.model.parameters import (
+    CENTRE_OF_MASS,
+    INERTIAL,
+    WHOLE_LINK,
+    body_of,
+    parameters_of,
+    with_centre_moved,
+)
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.nearest import TO_INSTALL, nearest_body
 from idim_iv_ros.physical.pseudo_inertia import ReferenceLink, pseudo_inertia, upper_root
@@ -250,19 +257,32 @@ def _changes(
 ) -> dict[str, EffectParameter]:
     """Return the changes of standard parameters by name that the recording determines."""
     number, changes = _number(cause, joints), {}
+    places = [f"{letters}{number}" for letters in INERTIAL]
+    body = np.array([given.get(place, 0.0) for place in places])
     for name, parameter in cause.parameters.items():
         if not parameter.std:
             continue
         kind = BY_NAME[cause.effect].standard_kind(name) if number else ""
         if link := re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name):
             changes[link[1]] = parameter
-        elif kind == WHOLE_LINK:
-            for part in (f"{letters}{number}" for letters in INERTIAL):
-                std = parameter.std * max(abs(given[part]), 1e-9)
-                changes[part] = EffectParameter(parameter.value * given[part], std, "")
+        elif kind == WHOLE_LINK or kind in CENTRE_OF_MASS:
+            after = _changed_link(body, kind, parameter.value)
+            spread = _changed_link(body, kind, parameter.std) - body
+            for place, change, std in zip(places, after - body, spread, strict=True):
+                before = changes.get(place, EffectParameter(0.0, 1e-9, ""))
+                std = math.hypot(before.std or 0.0, std)
+                changes[place] = EffectParameter(before.value + change, std, "")
+            body = after
         elif kind:
             changes[f"{kind}{number}"] = parameter
     return changes
+
+
+def _changed_link(body: FloatArray, kind: str, value: float) -> FloatArray:
+    """Return XX … M (10,) of a link that is heavier, or whose centre of mass is elsewhere."""
+    if kind == WHOLE_LINK:
+        return (1.0 + value) * body
+    return with_centre_moved(body, value * np.eye(3)[CENTRE_OF_MASS.index(kind)])
 
 
 def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:

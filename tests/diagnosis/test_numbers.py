@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result.causes import Cause
-from idim_iv_ros.model.parameters import INERTIAL, parameters_of
+from idim_iv_ros.model.parameters import INERTIAL, with_centre_moved, parameters_of
 from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
@@ -116,6 +116,25 @@ def test_a_link_that_is_heavier_is_one_number() -> None:
     assert (cause.effect, cause.joint) == ("link_inertia", data.joints[3])
     assert list(cause.parameters) == ["relative_change_of_mass"]
     assert covers(cause, "relative_change_of_mass", 0.25)
+
+
+def test_a_centre_of_mass_elsewhere_is_no_change_of_the_mass_of_the_next_link() -> None:
+    arm = arm6(seconds=16.0)
+    data = baseline([recorded(arm, 1)], arm.configuration)
+    model = data.prepared.model
+    given = model.robot.given.of_bodies[1]
+    shift = np.array([0.0, 0.0, -0.05])
+    change = np.zeros((6, 10))
+    change[1] = with_centre_moved(given, shift) - given
+    standard = np.zeros(len(model.regressor.layout.parameters))
+    standard[model.regressor.layout.of_bodies] = change
+    noise = 0.02 * np.array(data.torque_sizes)
+    regression = world(data, 6, change=model.base.grouping @ standard, noise=noise)
+    (cause,) = causes_of(data, regression)
+    assert (cause.effect, cause.joint) == ("link_inertia", data.joints[1])
+    for axis, value in zip("xyz", shift, strict=True):
+        name = f"shift_of_centre_of_mass_along_{axis}"
+        assert name not in cause.parameters or covers(cause, name, float(value))
 
 
 @pytest.mark.parametrize("seed", [1, 2])

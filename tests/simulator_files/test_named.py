@@ -195,6 +195,18 @@ def test_a_link_that_is_heavier_keeps_its_shape(tmp_path: Path) -> None:
     np.testing.assert_allclose(exported, 1.2 * given, rtol=1e-5, atol=1e-9)
 
 
+def test_a_link_whose_centre_of_mass_is_elsewhere_keeps_its_mass(tmp_path: Path) -> None:
+    names = {f"shift_of_centre_of_mass_along_{axis}": 0.01 * k for k, axis in enumerate("xyz")}
+    moved = parametric("link_inertia", "joint_3", 1e-6, **names)
+    arm = case(tmp_path, "arm7", [moved])
+    made = arm.export(tmp_path / "out", refit=False)
+    exported = pin.buildModelFromUrdf(str(made.urdf)).inertias[3]
+    given = pin.Inertia.FromDynamicParameters(arm.model.robot.given.inertial[2])
+    np.testing.assert_allclose(exported.lever, given.lever + [0.0, 0.01, 0.02], atol=1e-5)
+    np.testing.assert_allclose(exported.inertia, given.inertia, rtol=1e-3, atol=1e-6)
+    assert exported.mass == pytest.approx(given.mass)
+
+
 def test_friction_beside_an_effect_of_friction_goes_with_it(tmp_path: Path) -> None:
     planted = structural("stribeck", "joint_2", excess=1.0, speed=0.2)
     arm = case(tmp_path, "arm2", [planted, friction("joint_2")])
