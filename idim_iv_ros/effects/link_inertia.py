@@ -61,7 +61,7 @@ class LinkInertia(ParametricEffect):
         parameters: FloatArray,
         least: float = -np.inf,
     ) -> list[Change]:
-        """Change of a link's XX … M (10,) by one number; empty where the motion does not show it."""
+        """Change of a link's XX … M (10,) by one number; empty where no motion shows it."""
         direction = np.zeros(space.size)
         for kind, value in zip(INERTIAL, parameters.tolist(), strict=True):
             for change in space.change(kind, joint, kind):

@@ -21,7 +21,7 @@ from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result.causes import Cause
-from idim_iv_ros.model.parameters import INERTIAL, with_centre_moved, parameters_of
+from idim_iv_ros.model.parameters import INERTIAL, parameters_of, with_centre_moved
 from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import point_mass, world
 from tests.estimation.test_simulated_arms import recorded
@@ -137,7 +137,7 @@ def test_a_centre_of_mass_elsewhere_is_no_change_of_the_mass_of_the_next_link() 
         assert name not in cause.parameters or covers(cause, name, float(value))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_load_of_five_link_masses_has_its_mass_beside_errors_of_all_numbers(seed: int) -> None:
     """Errors of the other links hide the direction of the mass: it is unsure there, not zero."""
     arm = arm6(seconds=16.0)
@@ -151,8 +151,8 @@ def test_a_load_of_five_link_masses_has_its_mass_beside_errors_of_all_numbers(se
     change = model.base.grouping @ np.array(payload) + errors_of_everything(data, seed, 0.05)
     noise = 0.004 * np.array(data.torque_sizes)
     (cause,) = causes_of(data, world(data, seed, change=change, noise=noise))
-    assert (cause.effect, cause.joint) in {("payload", "joint_6"), ("link_inertia", "joint_6")}
-    assert covers(cause, "mass" if cause.effect == "payload" else "change_of_M6", mass)
+    assert (cause.effect, cause.joint) == ("payload", "joint_6")
+    assert covers(cause, "mass", mass)
 
 
 def test_friction_level_with_its_size(data: Baseline) -> None:

@@ -202,7 +202,7 @@ def test_a_link_whose_centre_of_mass_is_elsewhere_keeps_its_mass(tmp_path: Path)
     made = arm.export(tmp_path / "out", refit=False)
     exported = pin.buildModelFromUrdf(str(made.urdf)).inertias[3]
     given = pin.Inertia.FromDynamicParameters(arm.model.robot.given.inertial[2])
-    np.testing.assert_allclose(exported.lever, given.lever + [0.0, 0.01, 0.02], atol=1e-5)
+    np.testing.assert_allclose(exported.lever, given.lever + np.array([0.0, 0.01, 0.02]), atol=1e-5)
     np.testing.assert_allclose(exported.inertia, given.inertia, rtol=1e-3, atol=1e-6)
     assert exported.mass == pytest.approx(given.mass)
 

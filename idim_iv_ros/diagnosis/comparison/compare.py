@@ -27,6 +27,8 @@ _SIZES = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
 _MOST_BANNED = 4  # places that are passed over because they are not visible
 _ROUNDING = 1e-5  # of the largest information of a direction: less is none
+# Sizes that are tried of what the model takes in part, over that of the rest of it.
+_LARGER = (1.0, 3.0, 10.0, 30.0)
 _LOOKED_AT = 400  # options whose evidence is computed first: those with the highest bound
 
 
@@ -308,19 +310,57 @@ class _Ranking:
             return None
         w, place = int(options.width[k]), options.place[k]
         basis = comparison.nominal.basis[w][place]
-        spread = basis @ (vectors / np.sqrt(values))
         unit = vectors @ (self._shrunk[row, self._along[1][row] > 0.0] * z / np.sqrt(values))
         coefficients = basis @ unit
-        # Along directions that the model takes it may be as large as along the others.
-        taken = float(np.linalg.norm(unit)) * (basis - (basis @ vectors) @ vectors.T)
-        deviations = np.hypot(
-            np.linalg.norm(spread, axis=1) * np.sqrt(self.dispersion[row]),
-            np.linalg.norm(taken, axis=1),
-        )
+        deviations = np.linalg.norm(basis @ (vectors / np.sqrt(values)), axis=1)
+        if len(z) < w:
+            coefficients, deviations = self._of_likeliest_size(k, float(np.linalg.norm(unit)))
+            unit = np.linalg.solve(basis, coefficients)
+        deviations = deviations * np.sqrt(self.dispersion[row])
         candidate, shape = options.named(k)
         if comparison.catalogue.why_impossible(candidate, shape, coefficients, deviations):
             return None
         return unit, coefficients, deviations
+
+    def _of_likeliest_size(self, option: int, least: float) -> tuple[FloatArray, FloatArray]:
+        """Coefficients and deviations (w,) of an option of which the model takes directions.
+
+        `least`: root of the squares of its size along the others; it may be larger along those.
+        """
+        bare = self._bare(option)
+        sizes = least / np.sqrt(bare.width) * np.array(_LARGER)
+        terms = [replace(bare, size=float(size)) for size in sizes]
+        models = [
+            ModelWithTerms(self.comparison.nominal, (*self.model.terms, term)) for term in terms
+        ]
+        likeliest = max(models, key=lambda model: model.level)
+        here = likeliest.blocks[-1]
+        variances = np.diag(likeliest.covariance)[here]
+        return likeliest.coefficients[here], np.sqrt(np.maximum(variances, 0.0))
+
+    def _bare(self, option: int) -> Term:
+        """Term of an option with its columns, before anything is estimated."""
+        nominal = self.comparison.nominal
+        candidate, shape = self.comparison.options.named(option)
+        w, place = candidate.width, self.comparison.options.place[option]
+        basis = nominal.basis[w][place]
+        inverse, none = np.linalg.pinv(basis), np.zeros(w)
+        return Term(
+            candidate=candidate,
+            shape=shape,
+            columns={j: table @ inverse for j, table in nominal.columns(option).items()},
+            coefficients=none,
+            deviations=none,
+            basis=basis,
+            size=0.0,
+            log_prior=float(self.comparison.prior.log[option]),
+            evidence=0.0,
+            presence=0.0,
+            whole=none,
+            visible=none,
+            rivals=(),
+            dispersion=1.0,
+        )
 
     def _term(
         self,
@@ -332,29 +372,21 @@ class _Ranking:
         """The first of the rows that are `kept`, with the others of them as its rivals."""
         comparison, options, row = self.comparison, self.comparison.options, kept[0]
         prior, nominal, option = comparison.prior, comparison.nominal, int(self.order[row])
-        candidate, shape = options.named(option)
-        w, place = int(options.width[option]), options.place[option]
-        basis = nominal.basis[w][place]
+        bare = self._bare(option)
         plain = nominal.columns(option)
         left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(option))
-        whole, visible = comparison.shares(candidate, self.model.terms, plain, left, unit)
+        whole, visible = comparison.shares(bare.candidate, self.model.terms, plain, left, unit)
         keys: dict[Key, float] = {}
         weights = softmax(self.score[list(kept)]).tolist()
         for k, weight in zip(self.order[list(kept)], weights, strict=True):
             key = options.keys[options.key[k]]
             keys[key] = keys.get(key, 0.0) + weight
-        odds = float(self.capped[row]) + prior.odds_of_presence(candidate.key)
-        inverse = np.linalg.pinv(basis)
-        lines = {joint: table @ inverse for joint, table in plain.items()}
-        return Term(
-            candidate=candidate,
-            shape=shape,
-            columns=lines,
+        odds = float(self.capped[row]) + prior.odds_of_presence(bare.key)
+        return replace(
+            bare,
             coefficients=coefficients,
             deviations=deviations,
-            basis=basis,
-            size=float(np.linalg.norm(unit) / np.sqrt(w)),
-            log_prior=float(prior.log[option]),
+            size=float(np.linalg.norm(unit) / np.sqrt(bare.width)),
             evidence=float(self.capped[row]),
             presence=float(expit(odds)),
             whole=whole,
