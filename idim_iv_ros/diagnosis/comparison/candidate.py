@@ -11,12 +11,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.nominal_errors import numbers_not_given
-from idim_iv_ros.diagnosis.comparison.signals import (
-    CommonShift,
-    GainRipple,
-    NoisyMotion,
-    TiltedMoments,
-)
+from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
@@ -138,12 +133,10 @@ class Catalogue:
         self.not_given = tuple(
             number for number in self._numbers if number.is_not_given(self.space)
         )
-        signals: list[Effect] = [CommonShift(), TiltedMoments(), GainRipple()]
-        signals += [] if data.sticking else [NoisyMotion()]
         self.candidates = (
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
-            *self._effects(signals, Kind.SIGNAL),
+            *self._effects([CommonShift(), TiltedMoments(), GainRipple()], Kind.SIGNAL),
             *(number for number in self._numbers if number not in self.not_given),
         )
 

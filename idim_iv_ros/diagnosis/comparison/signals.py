@@ -87,27 +87,6 @@ class CommonShift(SignalError):
         return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}
 
 
-class NoisyMotion(SignalError):
-    """Noise of the positions in the torque of the model, where no simulated motion replaces it.
-
-    White noise n has M d²n/dt² of torque, most of it at the upper end ω of the band, where it is
-    −1/ω² times its own second derivative. Every column of candidates has it too: one that averages
-    it, as a delay does, would be taken for an effect.
-    """
-
-    name = "noise_of_the_motion"
-    family: ClassVar[Family] = "frequency"
-
-    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
-        """Second derivative of the joint's torque, N m/s²."""
-        rate = np.gradient(motion.torque[:, place.joint], 1.0 / motion.rate)
-        return {place.joint: np.gradient(rate, 1.0 / motion.rate)[:, None]}
-
-    def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
-        """The measured torque lacks what the model has of noise."""
-        return bool(coefficients[0] > 0.0)
-
-
 class GainRipple(WaveEffect, SignalError):
     """An effort whose gain ripples over the position: the torque times 1 + Σ a sin n q + b cos n q.
 
