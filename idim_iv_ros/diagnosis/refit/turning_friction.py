@@ -11,6 +11,10 @@ A robot's own friction turns with the joint or after it. A lead at most joints i
 for the solver's, and its friction put in the place of the one that sticks: a property of the
 recording, no cause. Without a lead the measured motion may still tell better than the simulated one
 when joints turn, where samples are few or the simulated loop is another than the robot's.
+
+Where no loop is simulated, a joint rests while it is slower than some speed, that of the greatest
+likelihood, and its friction crosses evenly in time: the torque that moves it on does. A step in the
+place of this rings at the edge of the decimation filter, and looks like a delay of every joint.
 """
 
 from collections.abc import Sequence
@@ -35,8 +39,10 @@ _FINER = (1.1, 1.05, 1.025)  # factors of a lead; of the softness their third po
 _PARTS = 8  # of a step of the motion's grid, over which the direction of the friction is averaged
 _STILL = 1e-6  # rad/s (m/s): width of the crossing, at least
 
-Crossing = tuple[float, float]  # lead, s, and softness of the dry friction of a joint
-_AS_MEASURED: Crossing = 0.0, 0.0
+# Time in which its dry friction alone makes a joint as fast as one that rests may be, s.
+_RESTING = (0.0005, 0.001, 0.002, 0.004)
+
+Crossing = tuple[float, float]  # lead and time of crossing of the dry friction of a joint, s
 
 
 @dataclass(frozen=True)
@@ -44,11 +50,12 @@ class TurningFriction:
     """How early the dry friction of some joints turns; that of the others sticks as simulated.
 
     By joint `leads`, s before the joint, and `widths`, rad/s (m/s) of v + lead · dv/dt, within
-    which the friction crosses from one level to the other.
+    which the friction crosses from one level to the other; `evenly`: in time, without a lead.
     """
 
     leads: dict[int, float]
     widths: dict[int, float]
+    evenly: bool = False
 
     @property
     def soft(self) -> list[int]:
@@ -66,7 +73,7 @@ class TurningFriction:
             slip = motion.slip.copy()
             fine = _fine(motion)
             for joint, lead in self.leads.items():
-                slip[:, joint] = _crossing(*fine, joint, lead, self.widths[joint])
+                slip[:, joint] = _crossing(*fine, joint, lead, self.widths[joint], self.evenly)
             motions.append(replace(motion, slip=slip))
         return data.on(tuple(motions))
 
@@ -98,16 +105,19 @@ def turning_friction(data: Baseline) -> TurningFriction:
         return TurningFriction({}, {})
     robot, position = data.prepared.model.robot, data.motions[0].position
     inertia = np.abs(joint_inertia(robot, whole, position))
-    widest = level / np.maximum(inertia, 1e-12)  # of the crossing, per unit of lead and softness
+    fastest = level / np.maximum(inertia, 1e-12)  # change of speed by the friction alone
     fit, fine = data.regression.fitted, [_fine(motion) for motion in data.motions]
 
     def width(joint: int, crossing: Crossing) -> float:
-        return max(crossing[0] * crossing[1] * float(widest[joint]), _STILL)
+        return max(crossing[1] * float(fastest[joint]), _STILL)
+
+    def evenly(crossing: Crossing) -> bool:
+        return crossing[0] == 0.0 and not data.sticking
 
     @cache
     def column(joint: int, crossing: Crossing) -> FloatArray:
-        lead, wide = crossing[0], width(joint, crossing)
-        return data.decimated(joint, [_crossing(*states, joint, lead, wide) for states in fine])
+        lead, wide, even = crossing[0], width(joint, crossing), evenly(crossing)
+        return data.decimated(joint, [_crossing(*one, joint, lead, wide, even) for one in fine])
 
     def gains(crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
@@ -120,24 +130,33 @@ def turning_friction(data: Baseline) -> TurningFriction:
         return changed.fit(fit.noise_models, steps=0).log_likelihoods - fit.log_likelihoods
 
     @cache
+    def everywhere(crossing: Crossing) -> FloatArray:
+        return gains(dict.fromkeys(every, crossing))
+
     def same_everywhere(crossing: Crossing) -> float:
-        return float(gains(dict.fromkeys(every, crossing)).sum())
+        return float(everywhere(crossing).sum())
 
     def turning(crossings: dict[int, Crossing]) -> TurningFriction:
         widths = {joint: width(joint, crossing) for joint, crossing in crossings.items()}
-        return TurningFriction({joint: lead for joint, (lead, _) in crossings.items()}, widths)
+        leads = {joint: lead for joint, (lead, _) in crossings.items()}
+        return TurningFriction(leads, widths, all(map(evenly, crossings.values())))
 
-    leads = [(lead, _SOFTNESS[1]) for lead in _LEADS]
+    times = (0.0,) if data.sticking else _RESTING
+    as_measured = {
+        joint: max(((0.0, time) for time in times), key=lambda option: everywhere(option)[joint])
+        for joint in every
+    }
+    measured = float(gains(as_measured).sum())
+    leads = [(lead, lead * _SOFTNESS[1]) for lead in _LEADS]
     best = max(leads, key=same_everywhere)
-    best = max(((best[0], soft) for soft in _SOFTNESS), key=same_everywhere)
-    measured = same_everywhere(_AS_MEASURED)
+    best = max(((best[0], best[0] * soft) for soft in _SOFTNESS), key=same_everywhere)
     if same_everywhere(best) >= max(settings.SOFT_FRICTION_SUPPORT, measured):
         chosen: dict[int, Crossing] = dict.fromkeys(every, best)
         for step in _FINER:
             for joint in every:
-                lead, soft = chosen[joint]
-                near = [(lead * step, soft), (lead / step, soft)]
-                near += [(lead, soft * step**3), (lead, soft / step**3), (lead, soft)]
+                lead, time = chosen[joint]
+                near = [(lead * step, time * step), (lead / step, time / step)]
+                near += [(lead, time * step**3), (lead, time / step**3), (lead, time)]
                 options = [{**chosen, joint: crossing} for crossing in near]
                 chosen = max(options, key=lambda option: float(gains(option).sum()))
         of_joints = gains(chosen)
@@ -148,8 +167,7 @@ def turning_friction(data: Baseline) -> TurningFriction:
         }
         if 2 * len(early) > len(every):
             return turning(early)
-    as_measured = every if measured >= settings.SOFT_FRICTION_SUPPORT else []
-    return turning(dict.fromkeys(as_measured, _AS_MEASURED))
+    return turning(as_measured if measured >= settings.SOFT_FRICTION_SUPPORT else {})
 
 
 def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:
@@ -164,8 +182,20 @@ def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:
 
 
 def _crossing(
-    velocity: FloatArray, acceleration: FloatArray, joint: int, lead: float, width: float
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    joint: int,
+    lead: float,
+    width: float,
+    evenly: bool,
 ) -> FloatArray:
     """Friction (s,) as a share of its level, mean over each step of the grid."""
-    ahead = velocity[joint] + lead * acceleration[joint]
-    return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=0))
+    if not evenly:
+        ahead = velocity[joint] + lead * acceleration[joint]
+        return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=0))
+    speed = velocity[joint].T.ravel()  # in the order of time
+    slides = np.flatnonzero(np.abs(speed) >= width)
+    if not len(slides):
+        slides = np.array([0])
+    crossed = np.interp(np.arange(len(speed)), slides, np.sign(speed[slides]))
+    return np.asarray(crossed.reshape(-1, len(velocity[joint])).mean(axis=1))
