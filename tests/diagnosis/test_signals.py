@@ -108,12 +108,30 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
         solved.append(-float(state.qfrc_constraint[0]) / 1.5)
     v, a = (np.array(values)[None, None] for values in (speed, slope))
     soft = (1.0 - 0.9) / 0.9
-    computed = friction._crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia)
+    computed = friction._crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia, False)
     turning = np.abs(np.array(speed)) < 0.05
     assert np.sum(np.abs(solved)[turning] < 0.9) > 200
     assert np.max(np.abs(computed - solved)) < 0.05
     errors = [np.mean((model - solved)[turning] ** 2) for model in (computed, np.sign(speed))]
     assert errors[0] < 1e-3 * errors[1]
+
+
+def test_friction_of_a_joint_that_rests_crosses_evenly() -> None:
+    """A mass of 1 kg with 1 N of dry friction, pushed to and fro: it rests until 1 N pushes it."""
+    step, speed = 1e-3, 0.0
+    pushes = 1.3 * np.sin(np.pi * step * np.arange(8000))
+    speeds, frictions = [], []
+    for push in pushes.tolist():
+        frictions.append(float(np.clip(push + speed / step, -1.0, 1.0)))
+        speed += step * (push - frictions[-1])
+        speeds.append(speed)
+    v = (np.array(speeds) + 1e-4 * np.random.default_rng(1).standard_normal(8000))[None, None]
+    computed = friction._crossing(v, np.zeros_like(v), 0, 0.0, 2e-3, True)
+    sharp = friction._crossing(v, np.zeros_like(v), 0, 0.0, 1e-9, False)
+    after = slice(1000, 7000)  # a first and a last reversal have no other side
+    errors = [np.mean((model - frictions)[after] ** 2) for model in (computed, sharp)]
+    assert np.mean(np.array(speeds)[after] == 0.0) > 0.1
+    assert errors[0] < 0.3 * errors[1]  # at the stop itself friction jumps
 
 
 def test_friction_that_sticks_is_not_taken_for_soft(arm: SimulatedArm, data: Baseline) -> None:
