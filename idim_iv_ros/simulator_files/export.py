@@ -317,7 +317,7 @@ def _changes(
             if link or drive
         ],
         ranges=ranges,
-        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
+        settings=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
         effects=effects,
         notes=[*robot.remarks, *notes],
     )

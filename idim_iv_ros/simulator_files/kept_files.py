@@ -150,7 +150,7 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
                 "them out (`mj_saveLastXML` does)"
             )
     mujoco, spec, model = compiled_mjcf(path)
-    _require_own_inertials(mujoco, spec, model, str(path))
+    _require_written_inertials(mujoco, spec, model, str(path))
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
     for place, name in enumerate(exported.robot.joints):
@@ -176,7 +176,7 @@ def _body_elements(body: Any, *tags: str) -> Iterator[Any]:
             yield node
 
 
-def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
+def _require_written_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
     """Refuse a file in which MuJoCo does not take the `<inertial>` as written."""
     always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
     settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []

@@ -76,7 +76,7 @@ def test_two_robots_in_one_bag_ask_which_is_meant(tmp_path: Path) -> None:
 def test_who_asks_gets_the_robot_of_its_namespace(tmp_path: Path) -> None:
     node_topics = {name: f"/right/{name}" for name in ("joint_states", "joint_reference")}
     bag = bag_of(tmp_path, *LEFT, *RIGHT, *ROOT)
-    assert shifts(read(bag, own_topics=node_topics)) == (100.0, 100.0)
+    assert shifts(read(bag, resolved_topics=node_topics)) == (100.0, 100.0)
     assert shifts(read(bag)) == (200.0, 200.0)
 
 
@@ -85,7 +85,10 @@ def test_a_remapped_topic_is_found_by_who_remaps_it(tmp_path: Path) -> None:
         "joint_states": "/right/joint_states",
         "joint_reference": "/left/joint_reference",
     }
-    assert shifts(read(bag_of(tmp_path, *LEFT, *RIGHT), own_topics=node_topics)) == (100.0, 0.0)
+    assert shifts(read(bag_of(tmp_path, *LEFT, *RIGHT), resolved_topics=node_topics)) == (
+        100.0,
+        0.0,
+    )
 
 
 def test_the_reference_of_another_robot_is_not_taken(tmp_path: Path) -> None:
