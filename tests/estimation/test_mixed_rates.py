@@ -137,7 +137,6 @@ def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: Si
     assert seconds == pytest.approx(
         sum((m.span.stop - m.span.start) / m.signals.rate for m in data.prepared.motions)
     )
-    assert tracked.rms is not None
     assert tracked.rms["joint_1"] == pytest.approx(np.sqrt(energies.sum() / seconds))
 
 

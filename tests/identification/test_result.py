@@ -74,7 +74,6 @@ def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark, mo
 def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
     arm = arm6(seconds=1.0)
     urdf = arm.configuration.robot.urdf
-    assert urdf is not None
     base = build_inverse_model(arm.configuration, urdf.read_text(), urdf.name).base
     forbidden = {
         name
@@ -108,7 +107,6 @@ def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
 @pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])
 def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(deviations, essential):
     result = sample_result(2, "coloured")
-    assert result.refined is not None
     first, *others = result.refined.parameters
     parameter = replace(result.parameters[0], essential=essential)
     far = replace(

@@ -88,7 +88,6 @@ def in_band(arm: SimulatedArm, decimation: float, position: float) -> Configurat
 def with_urdf(folder: Path, pattern: str, text: str, kind: str = "revolute") -> Configuration:
     """The arm whose URDF has another text in every place of a pattern, and joints of a kind."""
     urdf = ARM.configuration.robot.urdf
-    assert urdf is not None
     other = re.sub(pattern, text, urdf.read_text(encoding="utf-8"))
     (folder / "other.urdf").write_text(other.replace('type="revolute"', f'type="{kind}"'))
     return changed(ARM.configuration, "robot", urdf=folder / "other.urdf")

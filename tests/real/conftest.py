@@ -33,7 +33,6 @@ def config() -> Path:
 
 def require_bodies(result: IdentificationResult) -> None:
     """Every link is a body, no drive gives energy, and neither costs much where nothing was fit."""
-    assert result.physical is not None
     assert all(link.eigenvalues[0] > 0.0 for link in result.physical.links)
     for name, value in result.physical.values.items():
         assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))

@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.result.causes import (
@@ -33,8 +32,8 @@ from idim_iv_ros.diagnosis.result.recordings import (
     JointTorque,
 )
 from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Case = Literal["none", "parametric", "structural", "both", "unknown"]
 CASES: tuple[Case, ...] = ("none", "parametric", "structural", "both", "unknown")
 

@@ -50,8 +50,7 @@ def test_hours_of_many_joints_stay_a_small_file() -> None:
 
 
 def test_a_prismatic_joint_has_newtons_and_millimetres() -> None:
-    result = replace(sample_gap(2, "structural"), joint_types=("prismatic", "revolute"))
-    page = _page(result)
+    page = _page(replace(sample_gap(2, "structural"), joint_types=("prismatic", "revolute")))
     assert {"Torque, N", "Torque, N m", "Tracking, mm", "Tracking, mrad"} <= set(page.words)
 
 

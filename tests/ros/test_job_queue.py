@@ -168,8 +168,7 @@ def test_the_next_job_has_a_process_after_one_was_killed(bench: Bench) -> None:
     bench.submit("b")
     bench.poll()
     bench.worker.kill()
-    heard = bench.poll()
-    assert heard == [("b", "started"), ("a", False, "the worker was ended by SIGKILL")]
+    assert bench.poll() == [("b", "started"), ("a", False, "the worker was ended by SIGKILL")]
     bench.workers[0].end(message="late")
     assert bench.poll() == []
     bench.worker.end(message="valid")

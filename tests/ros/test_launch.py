@@ -252,8 +252,7 @@ def test_launch_file_is_loaded_by_launch(name: str) -> None:
     pytest.importorskip("launch_ros", reason="launch is part of a ROS 2 installation")
     from launch.launch_description_sources import get_launch_description_from_python_launch_file
 
-    description = get_launch_description_from_python_launch_file(str(FILES[name]))
-    assert description.entities
+    assert get_launch_description_from_python_launch_file(str(FILES[name])).entities
 
 
 FILE = ROOT / "params" / "nodes.yaml"

@@ -58,8 +58,7 @@ class Told:
         self.recorder._writer.submit(channel, topic.monitor, taken, self.recorder._log_time())
 
     def clock(self, seconds: int) -> None:
-        time = Clock(clock=Time(sec=seconds))
-        self.recorder.node._time_source.clock_callback(time)
+        self.recorder.node._time_source.clock_callback(Clock(clock=Time(sec=seconds)))
 
     def status(self) -> RecorderStatus:
         self.recorder._writer.call(self.recorder._report)

@@ -161,8 +161,7 @@ def test_the_filter_is_as_late_as_it_is_asked_to_be(lateness: float) -> None:
     assert factor is not None
     # The difference and the filter as one: its group delay near zero, in samples.
     zeros, poles = [factor, -factor], [1.0, factor - 1.0]
-    low = 1e-4
-    _, delay = scipy.signal.group_delay((zeros, poles), [low])
+    _, delay = scipy.signal.group_delay((zeros, poles), [1e-4])
     assert delay[0] * period == pytest.approx(lateness, rel=1e-3)
 
 

@@ -91,7 +91,6 @@ def truth(configuration: Configuration, tmp_path_factory: pytest.TempPathFactory
 
 def inverse_model(configuration: Configuration) -> InverseModel:
     urdf = configuration.robot.urdf
-    assert urdf is not None
     return build_inverse_model(configuration, read_urdf_file(urdf), urdf.name)
 
 
@@ -147,22 +146,19 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, conf
 
 def test_an_mjcf_is_the_corrected_model(bag, truth, configuration, tmp_path) -> None:
     """The true arm in a file with actuators of its own, which the law takes the place of."""
-    arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth)
+    text = mjcf(simulated_arms.arm2(seconds=4.0).truth)
     path = tmp_path / "arm2.xml"
     path.write_text(text, encoding="utf-8")
     result = replay_bags(bag, configuration, model=path, effects=truth)
     assert result.model == str(path)
     tracking = result.stages[2].tracking
-    assert tracking is not None
     # MuJoCo's dry friction is as soft as the file has it at joints without effects.
     assert tracking["joint_1"].over_noise < 1.0 and tracking["joint_2"].over_noise < 5.0
 
 
 def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_path) -> None:
     """Actuators of the replay are motors, whatever the defaults of the file."""
-    arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth)
+    text = mjcf(simulated_arms.arm2(seconds=4.0).truth)
     default = '<default><general ctrlrange="-1 1" biastype="affine" biasprm="0 -9"/></default>'
     path, effects = tmp_path / "arm2.xml", tmp_path / "stribeck.json"
     path.write_text(text.replace("<mujoco>", f"<mujoco>{default}"), encoding="utf-8")
@@ -285,7 +281,6 @@ def made(arm: Case, tmp_path: Path) -> Exported:
 def nominal(made: Exported, folder: Path, key: str, path: Path) -> Configuration:
     """The exported file as the nominal model, with the lines of changes.md."""
     section = re.search(r"```yaml\n(.*?)```", made.changes.read_text(encoding="utf-8"), re.S)
-    assert section is not None
     text = (CONFIG / "arm2.yaml").read_text(encoding="utf-8")
     text = re.sub(r"simulator:\n  armature:.*\n", section[1], text, count=1)
     config = folder / f"{key}.yaml"

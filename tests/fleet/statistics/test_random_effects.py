@@ -60,8 +60,7 @@ def test_columns_are_separate_and_unknown_units_count_for_nothing() -> None:
 
 
 def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> None:
-    random = np.random.default_rng(1)
-    values, variance = random.normal(5.0, 2.0, size=15), 0.3
+    values, variance = np.random.default_rng(1).normal(5.0, 2.0, size=15), 0.3
     estimate = estimate_of(values, np.full(15, variance))
     squares = float(np.sum((values - values.mean()) ** 2))
     mean = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
@@ -77,8 +76,7 @@ def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> No
 
 
 def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> None:
-    values = np.array([1.0, 1.001, 0.999, 1.0005])
-    estimate = estimate_of(values, np.full(4, 0.04))
+    estimate = estimate_of(np.array([1.0, 1.001, 0.999, 1.0005]), np.full(4, 0.04))
     assert estimate["sigma"] == 0.0
     half = scipy.stats.t.isf(0.025, 3) * 0.2 / 2.0
     assert estimate["mean_high"] - estimate["mean"] == pytest.approx(half)
