@@ -47,19 +47,7 @@ _WORDS = {
     "position": r"q|pos|position|positions|theta|angle|angles|act|actual|meas|measured|state",
 }
 # Words that tell no joint from another.
-_OF_ALL = (
-    "j",
-    "joint",
-    "joints",
-    "axis",
-    "motor",
-    "robot",
-    "arm",
-    "observation",
-    "deg",
-    "rad",
-    "nm",
-)
+_OF_ALL = re.compile("j|joints?|axis|motor|robot|arm|observation|deg|rad|nm")
 
 
 class _Part(BaseModel):
@@ -234,7 +222,7 @@ def _signal_of(name: str) -> tuple[str, str] | None:
     units = _UNITS_OF.get(signal, _POSITIONS)
     bare = _BRACKETS.sub(lambda text: "" if _matching_unit(text[1], units) else text[0], name)
     words = [word.lower() for word in _words(bare) if _kind(word) is None]
-    return signal, "_".join(word for word in words if word not in _OF_ALL)
+    return signal, "_".join(word for word in words if not _OF_ALL.fullmatch(word))
 
 
 def _words(name: str) -> list[str]:

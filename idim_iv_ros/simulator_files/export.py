@@ -119,10 +119,6 @@ def export(
     randomize
         As `remainder`; also write a module that samples robots consistent with the recording.
 
-    Returns
-    -------
-    Exported
-
     Raises
     ------
     UsageError

@@ -135,9 +135,7 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     document = read_xml(content, str(path))
     notes: tuple[str, ...] = ()
     nodes = list(document.getElementsByTagName("*"))
-    files = [node.getAttribute("file") for node in nodes]
-    refers = next(filter(None, files), "")
-    if refers:
+    if refers := next(filter(None, (node.getAttribute("file") for node in nodes)), ""):
         notes += (
             f"the MJCF refers to other files ({refers} and so on) as before, relative to its own "
             "folder: put it beside the file that it was made from, under another name, or copy "
