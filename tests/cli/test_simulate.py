@@ -143,12 +143,6 @@ def test_identification_writes_trajectory_message_and_figures(run, config, tmp_p
     np.testing.assert_allclose(message["points"][10]["positions"], motion.position[50], atol=1e-7)
 
 
-def test_short_time_limit_is_admitted(run, config, tmp_path: Path) -> None:
-    command = f"excite --config {config()} --out {tmp_path / 'run'} --time-limit 0.001"
-    assert "time limit" in run(command, *QUICK, status=0).out
-    assert json.loads((tmp_path / "run.json").read_text())["ended_early"] is True
-
-
 def test_diagnosis_writes_its_segments(run, config, tmp_path: Path) -> None:
     out = tmp_path / "run"
     options = ("--for", "diagnosis", "--duration", 90, "--rate", 200, "--floor", -0.2)
@@ -162,10 +156,14 @@ def test_diagnosis_writes_its_segments(run, config, tmp_path: Path) -> None:
     assert any("presliding" in segment["effects"] for segment in segments)
 
 
-def test_robot_without_inertials_is_told_that_torques_were_not_checked(run, tmp_path: Path) -> None:
+def test_short_time_limit_and_torques_that_were_not_checked_are_said(run, tmp_path: Path) -> None:
+    """Of a robot without inertials."""
     command = f"excite --config {CONFIG / 'ur10.yaml'} --out {tmp_path / 'run'} --time-limit 0.001"
-    assert "Torques" in run(command, *QUICK, status=0).out
-    assert json.loads((tmp_path / "run.json").read_text())["limits"]["torque_checked"] is False
+    done = run(command, *QUICK, status=0)
+    assert "time limit" in done.out and "Torques" in done.out
+    document = json.loads((tmp_path / "run.json").read_text())
+    assert document["ended_early"] is True
+    assert document["limits"]["torque_checked"] is False
 
 
 @pytest.mark.parametrize(

@@ -240,10 +240,7 @@ def test_a_short_gap_is_left_out_and_a_long_one_begins_anew(identified, recordin
 
     def without(first: int, last: int) -> list[Prediction]:
         kept = np.r_[0:first, last : len(positions)]
-        pair = (
-            JointSamples(stream.time[kept], stream.values[kept]) for stream in (positions, efforts)
-        )
-        return play(LivePrediction(identified), *pair)
+        return play(LivePrediction(identified), positions.part(kept), efforts.part(kept))
 
     short = without(3000, 3100)
     assert [prediction.reason for prediction in short[20:] if prediction.reason] == []
@@ -290,9 +287,7 @@ def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(iden
     time = positions.time.copy()
     time[1000] -= 5_000_000
     live = LivePrediction(identified)
-    predictions = play(
-        live, JointSamples(time, positions.values), JointSamples(time, efforts.values)
-    )
+    predictions = play(live, replace(positions, time=time), replace(efforts, time=time))
     assert live.late == 1
     assert predictions[-1].reason == ""
     live = LivePrediction(identified)

@@ -37,6 +37,4 @@ def require_bodies(result: IdentificationResult) -> None:
     for name, value in result.physical.values.items():
         assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))
     error = result.physical.torque_error
-    assert error is not None and error.held_out_before is not None
-    assert error.held_out_after is not None
     assert error.held_out_after <= 1.02 * error.held_out_before

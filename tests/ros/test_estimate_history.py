@@ -215,14 +215,12 @@ def test_an_identification_is_a_message_with_remarks_and_what_whitening_moves() 
     message = result_message(result, SEVEN, ["a.mcap"], "identification")
     estimates = message.parameters.estimates
     assert message.parameters.header.stamp.sec == 7
-    assert [estimate.remark for estimate in estimates] == [
-        parameter.remark for parameter in result.parameters
-    ]
-    assert NOT_SIGNIFICANT in {estimate.remark for estimate in estimates}
+    remarks = [estimate.remark for estimate in estimates]
+    assert remarks == [parameter.remark for parameter in result.parameters]
+    assert NOT_SIGNIFICANT in remarks
     assert list(message.parameters.covariance) == result.covariance.ravel().tolist()
-    assert [refined_estimate.value for refined_estimate in message.refined_estimates] == [
-        parameter.value for parameter in result.refined.parameters
-    ]
+    refined = [estimate.value for estimate in message.refined_estimates]
+    assert refined == [parameter.value for parameter in result.refined.parameters]
     assert list(message.moved) == ["Fv2"]
     assert [residual.whiteness for residual in message.residuals] == [
         ResidualDiagnosis.AUTOCORRELATED

@@ -159,10 +159,7 @@ def test_elastic_arm_moves_as_with_pinocchio():
     y0 = np.concatenate([start, link, zero, zero])
     exact = solve_ivp(motion, (0.0, 1.0), y0, rtol=1e-10, atol=1e-12).y[:, -1].reshape(4, 2)
     effects = [
-        SimulatedEffect(
-            "elasticity", robot.joints[j], {"stiffness": stiffness[j], "damping": damping[j]}
-        )
-        for j in (0, 1)
+        on(robot, "elasticity", joint=j, stiffness=stiffness[j], damping=damping[j]) for j in (0, 1)
     ]
     result = simulate_closed_loop(
         robot, parameters, pd(kp, [kd, kd], period=1e-4), rate=1000.0,

@@ -129,7 +129,6 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, conf
     result = replay_bags(bag, configuration, effects=truth)
     assert [stage.name for stage in result.stages] == ["nominal", "corrected", "with effects"]
     nominal, corrected, affected = (stage.tracking for stage in result.stages)
-    assert nominal is not None and corrected is not None and affected is not None
     errors = [stage["joint_1"].rms for stage in (nominal, corrected, affected)]
     assert errors[0] > 1.5 * errors[1] > 6.0 * errors[2]
     assert result.tracking_noise["joint_1"] == pytest.approx(2e-5, rel=0.3)
@@ -137,9 +136,8 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, conf
         assert affected[joint].over_noise < 1.0
         assert affected[joint].low <= affected[joint].rms <= affected[joint].high
         assert result.torque_noise[joint] == pytest.approx(level, rel=0.15)
-        torque = result.stages[2].torque
         # The filter lets a tenth of the white noise of the torque through, no more is left.
-        assert torque is not None and torque[joint].over_noise < 0.5
+        assert result.stages[2].torque[joint].over_noise < 0.5
     text = result.to_json()
     assert ReplayResult.from_json(text, "replay.json").to_json() == text
 
@@ -167,7 +165,6 @@ def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_
     with_mjcf = configuration.model_copy(update={"robot": robot, "simulator": SimulatorSection()})
     nominal, affected = replay_bags(bag, with_mjcf, effects=effects).stages
     assert nominal.model == "arm2.xml as given"
-    assert nominal.tracking is not None and affected.tracking is not None
     # Dry friction of the file is as soft as MuJoCo's default.
     assert nominal.tracking["joint_1"].over_noise > 10.0
     assert affected.tracking["joint_1"].over_noise < 5.0
@@ -188,7 +185,6 @@ def test_recordings_of_the_fit_are_left_out_where_there_are_others(
     assert "record" in again and "replay" in again and "diagnose" not in again
     rows = {row[0]: row for row in shrinkage(both)}
     joint, tool = rows["joint_1"], rows["end of the arm"]
-    assert both.stages[0].tool is not None and both.best.tool is not None
     assert tool[5] == f"{100.0 * both.best.tool.rms / both.stages[0].tool.rms:.3g} %"
     given, after, interval = joint[1]
     assert (given["css"], given["start"], given["length"]) == ("full given", 0.0, 100.0)
@@ -201,7 +197,6 @@ def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(truth, configur
     result = replay_bags(bag, configuration, effects=truth)
     assert any("commands more than its gains" in note for note in result.notes)
     nominal, best = result.stages[0].tracking, result.best.tracking
-    assert nominal is not None and best is not None
     assert nominal["joint_1"].over_noise > 20.0 and best["joint_1"].over_noise < 5.0
 
 

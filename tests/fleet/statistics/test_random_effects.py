@@ -26,10 +26,9 @@ WELL_WITHOUT = np.array(
 
 def risk_ratios() -> tuple[np.ndarray, np.ndarray]:
     """Logarithms of the risk ratios, and their variances."""
-    ill, well, ill_without, well_without = ILL, WELL, ILL_WITHOUT, WELL_WITHOUT
-    treated, control = ill + well, ill_without + well_without
-    values = np.log((ill / treated) / (ill_without / control))
-    return values, 1 / ill - 1 / treated + 1 / ill_without - 1 / control
+    treated, control = ILL + WELL, ILL_WITHOUT + WELL_WITHOUT
+    values = np.log((ILL / treated) / (ILL_WITHOUT / control))
+    return values, 1 / ILL - 1 / treated + 1 / ILL_WITHOUT - 1 / control
 
 
 def estimate_of(values: np.ndarray, variances: np.ndarray) -> dict[str, float]:
