@@ -78,7 +78,6 @@ class CommandLine:
 
     def close(self) -> None:
         """End the process."""
-        assert self._server.stdin is not None
         self._server.stdin.close()
         self._server.wait(120.0)
 
@@ -92,7 +91,6 @@ class CommandLine:
         return Outcome(answer["status"], out, error, answer["seconds"], answer["memory"])
 
     def _ask(self, request: dict) -> dict:
-        assert self._server.stdin is not None
         assert self._server.stderr is not None
         self._server.stdin.write(json.dumps(request) + "\n")
         self._server.stdin.flush()

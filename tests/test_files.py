@@ -66,8 +66,7 @@ def test_files_of_somebody_else_are_refused_unless_forced(tmp_path, name, text) 
 
 def test_bags_of_other_programs_and_of_a_recorder_are_refused(tmp_path: Path) -> None:
     foreign_mcap(tmp_path / "rosbag2.mcap")
-    recorder = GrowingMcap(tmp_path / "recorded.mcap")
-    recorder.close()
+    GrowingMcap(tmp_path / "recorded.mcap").close()
     for path in tmp_path.iterdir():
         before = path.read_bytes()
         with pytest.raises(UsageError, match="--force"):

@@ -23,7 +23,7 @@ from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 # Parameters with a relative deviation above this do not decide about convergence.
-_WELL_KNOWN = 0.3
+_LARGEST_DEVIATION = 0.3
 # Of their size, within which given values are taken as right where an estimate cannot be simulated.
 _SPREADS = (1.0, 0.3, 0.1, 0.03, 0.01)
 
@@ -46,7 +46,7 @@ class IdimIvEstimate:
     """Outcome of the IDIM-IV iteration.
 
     - `least_squares`: joint-weighted IDIM-LS on the same rows, from which the weights come
-    - `steps`: of each iteration the largest relative change of a well-known parameter, and which
+    - `steps`: of each iteration the largest relative change of a precise parameter, and which
     - `failures`: sources of instruments that were tried and why they failed
     """
 
@@ -68,7 +68,7 @@ def idim_iv(
     max_iterations: int = 10,
     progress: Callable[[str, float], None] | None = None,
 ) -> IdimIvEstimate:
-    """Iterate equations 7 to 9 until the well-known parameters stop moving.
+    """Iterate equations 7 to 9 until the precise parameters stop moving.
 
     The sources are tried in order, each from the starts in order: when the simulation diverges,
     the next takes over and the reason is kept.
@@ -178,11 +178,11 @@ class _Iteration:
                 yield linear.values + pull, f"with given values taken as right within {where}"
             return
         deviation = np.sqrt(np.diag(covariance))
-        well_known = np.flatnonzero(deviation <= _WELL_KNOWN * np.abs(linear.values))
-        if 0 < len(well_known) < len(linear.values):
+        precise = np.flatnonzero(deviation <= _LARGEST_DEVIATION * np.abs(linear.values))
+        if 0 < len(precise) < len(linear.values):
             values = np.zeros(len(linear.values))
-            values[well_known], _ = restrict(linear.values, covariance, well_known.tolist())
-            yield values, f"with the {len(well_known)} well-known parameters only"
+            values[precise], _ = restrict(linear.values, covariance, precise.tolist())
+            yield values, f"with the {len(precise)} precise parameters only"
 
     def _solve(self, instruments: Instruments, sigma: FloatArray) -> LinearEstimate:
         parameters = len(self.least_squares.values)
@@ -195,13 +195,13 @@ class _Iteration:
             raise SourceFailure(str(error)) from error
 
     def _change(self, previous: FloatArray, linear: LinearEstimate) -> tuple[float, int]:
-        """Largest relative change of a well-known parameter, and the place of that parameter."""
+        """Largest relative change of a precise parameter, and the place of that parameter."""
         deviation = np.sqrt(np.diag(self._white_covariance(linear)))
-        well_known = deviation <= _WELL_KNOWN * np.abs(linear.values)
-        if not well_known.any():
-            well_known[:] = True
+        precise = deviation <= _LARGEST_DEVIATION * np.abs(linear.values)
+        if not precise.any():
+            precise[:] = True
         size = np.maximum(np.abs(previous), 1e-12)
-        change = np.where(well_known, np.abs(linear.values - previous) / size, 0.0)
+        change = np.where(precise, np.abs(linear.values - previous) / size, 0.0)
         worst = int(np.argmax(change))
         return float(change[worst]), worst
 

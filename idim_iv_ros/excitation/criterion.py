@@ -60,7 +60,7 @@ class ExcitationCost:
         q = states[0].copy()
         regressor, slopes = self._regressors(states)
         value, by_entry = self._criterion(regressor)
-        if limits.torque_known:
+        if limits.torque_checked:
             cost, by_torque = self._penalty(regressor @ self.model.given, limits.torque)
             value += cost
             by_entry += by_torque[:, :, None] * self.model.given

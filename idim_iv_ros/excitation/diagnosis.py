@@ -226,7 +226,7 @@ class Diagnosis:
     segments: tuple[Segment, ...]
     use: LimitUse  # Over every sample
     bandwidth: FloatArray  # (n_joints,) Hz: of the position loops, as taken for the multisine
-    bandwidth_known: bool
+    bandwidth_configured: bool
 
     @property
     def highest_frequency(self) -> float:
@@ -264,11 +264,11 @@ def design_diagnosis(
     require_sampling(rate, duration, "the motion")
     posture = _posture(model, limits, start)
     inertia = np.ones(len(posture))
-    if limits.torque_known:
+    if limits.torque_checked:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
         inertia = np.diagonal(mass[0])
     bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
-    configured = configured and (limits.torque_known or configuration.controller.type == "cascade")
+    configured &= limits.torque_checked or configuration.controller.type == "cascade"
     planner = DiagnosisPlanner(model, limits.narrowed(), posture, bandwidth, rate, seed)
     trajectory, segments = _fill(planner, duration, report)
     report("checking every sample", 1.0)

@@ -126,7 +126,6 @@ def motion_document(
     Limits in rad, rad/s, rad/s², N m and m; `figures`: what motions of this purpose have beyond.
     """
     allowed, used = ({k: _plain(v) for k, v in vars(part).items()} for part in (limits, use))
-    checked = allowed.pop("torque_known")
     return {
         "format": FORMAT,
         "purpose": purpose,
@@ -135,7 +134,7 @@ def motion_document(
         "settings": dict(settings),
         "duration": trajectory.duration,
         **figures,
-        "limits": {**allowed, "torque_checked": checked},
+        "limits": allowed,
         "use": used,
     }
 
@@ -152,7 +151,7 @@ def diagnosis_document(
         diagnosis.use,
         {"rate": diagnosis.trajectory.rate, "seed": seed},
         loop_bandwidth=diagnosis.bandwidth.tolist(),
-        loop_bandwidth_known=diagnosis.bandwidth_known,
+        loop_bandwidth_known=diagnosis.bandwidth_configured,
         segments=[_segment(segment) for segment in diagnosis.segments],
         not_revealed=[
             {"effect": effect, "excitation_needed": needed}

@@ -36,7 +36,7 @@ class MotionLimits:
     velocity: FloatArray  # rad/s (m/s)
     acceleration: FloatArray  # rad/s² (m/s²)
     torque: FloatArray  # N m (N)
-    torque_known: bool  # Whether the nominal model has inertials, so that torques can be predicted
+    torque_checked: bool  # Where the nominal model has inertials, so that it predicts torques
     floor: float | None  # Height in the base frame above which every moving frame stays, m
     # Share of each limit that a motion may use; of a position range, about its middle
     margin: float
@@ -92,7 +92,7 @@ def limit_use(robot: RobotModel, limits: MotionLimits, motion: Trajectory) -> Li
     lowest = np.min([frames.heights(motion.position[b]).min(axis=0) for b in blocks], axis=0)
     frame = int(np.argmin(lowest))
     torque = None
-    if limits.torque_known:
+    if limits.torque_checked:
         predicted = inverse_dynamics(robot, robot.given, *motion.signals)
         torque = np.abs(predicted).max(axis=0) / limits.torque
     return LimitUse(
@@ -154,7 +154,7 @@ def motion_limits(
         velocity=_needed(model, robot.limits.velocity, "velocity", "<limit velocity> of the URDF"),
         acceleration=np.full(len(robot.joints), np.inf),
         torque=_needed(model, torque, "effort", effort),
-        torque_known=robot.has_inertials,
+        torque_checked=robot.has_inertials,
         floor=floor,
         margin=margin,
     )
@@ -204,7 +204,7 @@ def _per_joint(acceleration: Sequence[float], joints: int) -> FloatArray:
 def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArray:
     """Limits (n_joints,) that leave torque for the other loads, where none are given."""
     quick = limits.velocity / SECONDS_TO_FULL_SPEED
-    if not limits.torque_known:
+    if not limits.torque_checked:
         return quick
     random = np.random.default_rng(_SEED)
     postures = random.uniform(limits.lower, limits.upper, (_POSTURES, len(limits.lower)))
@@ -261,8 +261,8 @@ class MovingFrames:
                 )
             else:
                 origins[i] += (turns[i] @ moved[:, :, None])[:, :, 0]
-        above = np.einsum("fsj,fj->fs", turns[self.joints, :, 2], self.offsets)
-        return np.asarray((origins[self.joints, :, 2] + above).T)
+        heights = np.einsum("fsj,fj->fs", turns[self.joints, :, 2], self.offsets)
+        return np.asarray((origins[self.joints, :, 2] + heights).T)
 
 
 def moving_frames(robot: RobotModel) -> MovingFrames:

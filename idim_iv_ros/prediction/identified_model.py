@@ -73,14 +73,8 @@ def identified_model(
         processing = ProcessingSection.model_validate(result.configuration.get("processing") or {})
     except ValidationError as error:
         raise UsageError(f"{path}: configuration.processing: {first_problem(error)}") from error
-    return IdentifiedModel(
-        path=path,
-        result=result,
-        model=model,
-        transform=joint_transform(configuration),
-        values=values,
-        processing=processing,
-    )
+    transform = joint_transform(configuration)
+    return IdentifiedModel(path, result, model, transform, values, processing)
 
 
 def _require_same(path: Path, result: IdentificationResult, configuration: Configuration) -> None:
@@ -175,13 +169,11 @@ class JointLevel:
         )
         if self.limit is None:
             return f"{much}; {self.why_no_limit}"
-        explained = f"scatter and uncertain parameters explain up to {self.limit:.2f}"
-        if self.beyond:
-            return (
-                f"{much}; {explained}: the model does not fit any more, or not in this motion; "
-                "record it and identify anew"
-            )
-        return f"{much}; {explained}"
+        explained = f"{much}; scatter and uncertain parameters explain up to {self.limit:.2f}"
+        if not self.beyond:
+            return explained
+        advice = "the model does not fit any more, or not in this motion; record it"
+        return f"{explained}: {advice} and identify anew"
 
 
 def joint_levels(

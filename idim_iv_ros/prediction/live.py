@@ -113,12 +113,8 @@ class PredictionWindow:
     ) -> tuple[int, FloatArray, FloatArray] | None:
         """Process samples up to the stamp `until`, ns; add finished rows to `rows`.
 
-        Returns
-        -------
-        stamp : int
-            Stamp of the newest sample of the curves, ns.
-        measured, predicted : (n_joints,) N m (N)
-            Smoothed efforts at this sample. None instead of all three while the filters fill.
+        Returns the stamp of the newest sample of the curves, ns, and its smoothed efforts, measured
+        and predicted, (n_joints,) N m (N); None while the filters fill.
         """
         self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
         if self.missing > 0.0:
@@ -197,13 +193,8 @@ class PredictionWindow:
         reach = max(self._factor, self._around)
         around = slice(max(place - reach, 0), place + reach + 1)
         valid = motion.signals.valid[motion.span][around].all(axis=0)
-        fast = fast_samples(
-            motion.position[motion.span],
-            self.rate,
-            self._minimum_speed,
-            self._coupling_joints,
-        )
-        moves = fast[around].all(axis=0)
+        position, least = motion.position[motion.span], self._minimum_speed
+        moves = fast_samples(position, self.rate, least, self._coupling_joints)[around].all(axis=0)
         return (
             self._stamp(self._curve_place),
             np.where(valid, measured, np.nan),

@@ -68,8 +68,7 @@ def make_grid(time: IntArray, first: int, last: int) -> Grid:
     if len(inside) == 0:
         return Grid(int(first), rate, 0)
     start = int(inside[0])
-    samples = int((last - start) * 1e-9 * rate + 0.01) + 1
-    return Grid(start, rate, samples)
+    return Grid(start, rate, int((last - start) * 1e-9 * rate + 0.01) + 1)
 
 
 def on_grid(

@@ -51,7 +51,7 @@ def read_recordings(
     reference: str | None = None,
     prismatic: Collection[str] = (),
     link_states: str | None = None,
-    own_topics: Mapping[str, str] | None = None,
+    resolved_topics: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read one recording from each bag.
@@ -71,7 +71,7 @@ def read_recordings(
         Prismatic joints (also read from a bag's /robot_description): positions are not unwrapped.
     link_states
         Topic of encoders behind the gears; joints may be missing there.
-    own_topics
+    resolved_topics
         Full names that the calling node has for names without a leading slash; tried first.
 
     Raises
@@ -89,7 +89,7 @@ def read_recordings(
         reference,
         prismatic,
         link_states,
-        own_topics or {},
+        resolved_topics or {},
     )
     return read_requested(bags, request, progress)
 

@@ -18,17 +18,11 @@ from idim_iv_ros.types import BoolArray, FloatArray
 
 @dataclass(frozen=True)
 class Signal:
-    """One quantity of all joints on the grid of its recording.
+    """One quantity of all joints on the grid of its recording, (n_samples, n_joints).
 
-    Attributes
-    ----------
-    values : (n_samples, n_joints)
-        In the unit of the source (rad or m, rad/s or m/s, what the effort topic holds). Finite
-        everywhere; samples without a measurement are marked in `invented`.
-    invented : (n_samples, n_joints) bool
-        True where no measurement supports the value (gap, NaN, missing joint, frozen channel).
-    origin : str
-        Topic and quantity, e.g. ``/joint_states position``.
+    `values`: in the unit of the source (rad or m, rad/s or m/s, what the effort topic holds),
+    finite everywhere. `invented` (bool): where no measurement supports the value (gap, NaN, missing
+    joint, frozen channel). `origin`: topic and quantity, e.g. ``/joint_states position``.
     """
 
     values: FloatArray

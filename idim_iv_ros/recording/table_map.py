@@ -27,7 +27,7 @@ from idim_iv_ros.validation import first_problem
 
 SUFFIXES = (*TEXT, *ARRAYS)
 SIGNALS = ("position", "velocity", "effort", "reference", "velocity_reference", "link")
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SECONDS = {"iso": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # iso is read as s
 _POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "mm": 1e-3}
 _SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
 _SPEEDS["rpm"] = 2.0 * np.pi / 60.0
@@ -47,19 +47,7 @@ _WORDS = {
     "position": r"q|pos|position|positions|theta|angle|angles|act|actual|meas|measured|state",
 }
 # Words that tell no joint from another.
-_OF_ALL = (
-    "j",
-    "joint",
-    "joints",
-    "axis",
-    "motor",
-    "robot",
-    "arm",
-    "observation",
-    "deg",
-    "rad",
-    "nm",
-)
+_OF_ALL = re.compile("j|joints?|axis|motor|robot|arm|observation|deg|rad|nm")
 
 
 class _Part(BaseModel):
@@ -159,9 +147,7 @@ def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[s
             stamps = np.arange(len(values[wanted[-1]])) / described.rate
     else:
         stamps = values[time.column]
-        if time.unit == "iso":
-            stamps = stamps - stamps[0]
-        elif time.unit != "s":
+        if time.unit != "s":
             stamps = (stamps - stamps[0]) * _SECONDS[time.unit]
     units = described.units
     speed, position = _SPEEDS[units.velocity], _POSITIONS[units.position]
@@ -234,7 +220,7 @@ def _signal_of(name: str) -> tuple[str, str] | None:
     units = _UNITS_OF.get(signal, _POSITIONS)
     bare = _BRACKETS.sub(lambda text: "" if _matching_unit(text[1], units) else text[0], name)
     words = [word.lower() for word in _words(bare) if _kind(word) is None]
-    return signal, "_".join(word for word in words if word not in _OF_ALL)
+    return signal, "_".join(word for word in words if not _OF_ALL.fullmatch(word))
 
 
 def _words(name: str) -> list[str]:

@@ -78,8 +78,8 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
     apart = [recording for recording in result.recordings if recording.differences]
     if apart:
         return _disagreement(apart)
-    judged = [gap for gap in result.where.joints if gap.joint not in result.left_out]
-    worst = max(judged, key=lambda gap: gap.share, default=None)
+    gaps = [gap for gap in result.where.joints if gap.joint not in result.left_out]
+    worst = max(gaps, key=lambda gap: gap.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
     out = (sentence(left_out(result.left_out)),) if result.left_out else ()

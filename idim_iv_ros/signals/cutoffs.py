@@ -15,7 +15,7 @@ from idim_iv_ros.types import FloatArray
 # The paper filters positions at 50 Hz and decimates at 20 Hz; EMPS is filtered at 100 and 40 Hz.
 DECIMATION_SHARE = 0.4
 _LEAST_CUTOFF = 5.0  # Hz, proposed where the motion is slow or noisy: loops are faster than that
-_ABOVE_NOISE = 10.0  # power over the noise floor that counts as motion
+_MOTION_TO_NOISE = 10.0  # power over the noise floor that counts as motion
 _HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
 _SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 
@@ -140,7 +140,7 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
     for joint in position.T:  # one at a time, for the sake of memory
         frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment, detrend="linear")
         floor = float(np.median(density[frequency > rate / 4.0]))
-        moving = density[1:] > _ABOVE_NOISE * floor
+        moving = density[1:] > _MOTION_TO_NOISE * floor
         end = len(moving) if moving.all() else int(np.argmin(moving))
         highest = max(highest, float(frequency[1:][max(end - 1, 0)]), 4.0 * float(frequency[1]))
     return highest

@@ -28,7 +28,7 @@ _STILL_NOISE = 10.0
 _STILL_RANGE = 1e-4
 _STILL_STEPS = 2.5
 _SEGMENT = 2.0  # s, of a spectrum of the torque
-_ABOVE = 3.0  # times the decimation cut-off, where only noise is left
+_NOISE_BAND = 3.0  # times the decimation cut-off, where only noise is left
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ def torque_noise(motions: Sequence[Motion]) -> FloatArray:
         edge = motion.decimation.edge if factor > 1 else 1.0
         band = edge * rate / (2.0 * factor)
         segment = min(len(motion.torque), max(64, int(_SEGMENT * rate)))
-        lowest = min(_ABOVE * band, 0.375 * rate)
+        lowest = min(_NOISE_BAND * band, 0.375 * rate)
         floors = []
         for joint in motion.torque.T:
             frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment)

@@ -65,14 +65,12 @@ def read_answer(
     require_same_robot(path, result, configuration, model.robot, source)
     physical = _require_same_nominal(path, result, model, source)
     gap = result if isinstance(result, GapResult) else None
-    if refit or gap is None:
+    if (refit or gap is None) and (without or remainder):
         whole = "one dense refit" if refit else "an identification"
+        what = f"--remainder: {whole} names no causes, so that nothing remains beside them"
         if without:
             what = f"--without {', '.join(without)}: {whole} has no causes that could be left out"
-            raise UsageError(f"{path}: {what}")
-        if remainder:
-            what = f"--remainder: {whole} names no causes, so that nothing remains beside them"
-            raise UsageError(f"{path}: {what}")
+        raise UsageError(f"{path}: {what}")
     causes = [] if gap is None else list(gap.causes)
     _require_effects(path, causes)
     kept, others = kept_causes(causes, without, str(path))

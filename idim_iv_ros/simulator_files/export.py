@@ -119,10 +119,6 @@ def export(
     randomize
         As `remainder`; also write a module that samples robots consistent with the recording.
 
-    Returns
-    -------
-    Exported
-
     Raises
     ------
     UsageError
@@ -317,7 +313,7 @@ def _changes(
             if link or drive
         ],
         ranges=ranges,
-        beside=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
+        settings=[(key, list(map(number_text, numbers)), unit) for key, numbers, unit in local],
         effects=effects,
         notes=[*robot.remarks, *notes],
     )

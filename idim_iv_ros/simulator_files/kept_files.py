@@ -135,9 +135,7 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     document = read_xml(content, str(path))
     notes: tuple[str, ...] = ()
     nodes = list(document.getElementsByTagName("*"))
-    files = [node.getAttribute("file") for node in nodes]
-    refers = next(filter(None, files), "")
-    if refers:
+    if refers := next(filter(None, (node.getAttribute("file") for node in nodes)), ""):
         notes += (
             f"the MJCF refers to other files ({refers} and so on) as before, relative to its own "
             "folder: put it beside the file that it was made from, under another name, or copy "
@@ -150,7 +148,7 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
                 "them out (`mj_saveLastXML` does)"
             )
     mujoco, spec, model = compiled_mjcf(path)
-    _require_own_inertials(mujoco, spec, model, str(path))
+    _require_written_inertials(mujoco, spec, model, str(path))
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
     for place, name in enumerate(exported.robot.joints):
@@ -176,7 +174,7 @@ def _body_elements(body: Any, *tags: str) -> Iterator[Any]:
             yield node
 
 
-def _require_own_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
+def _require_written_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
     """Refuse a file in which MuJoCo does not take the `<inertial>` as written."""
     always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
     settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []

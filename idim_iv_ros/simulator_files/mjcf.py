@@ -110,7 +110,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     Raises UsageError: drives of a coupled transmission with less inertia or damping than it needs.
     """
     robot, law = exported.robot, exported.law
-    values = _less_tendons(exported.drives, robot)
+    values = _without_tendons(exported.drives, robot)
     tendons = [_tendon(coupling, robot) for coupling in (*values.couplings, *native.couplings)]
     root = element(
         "mujoco",
@@ -132,7 +132,7 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _less_tendons(values: JointValues, robot: RobotModel) -> JointValues:
+def _without_tendons(values: JointValues, robot: RobotModel) -> JointValues:
     """Subtract from the joints what the tendons of coupled drives add to them."""
     armature, damping = values.armature.copy(), values.damping.copy()
     for coupling in values.couplings:

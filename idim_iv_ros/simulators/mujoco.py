@@ -74,27 +74,15 @@ STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp; 0.9999 is MuJoCo's large
 class Effects:
     """Effects of a robot in a MuJoCo model.
 
-    Parameters
-    ----------
-    model : mujoco.MjModel
-        Model with the joint names of the effects. It is changed: see `apply`.
-    effects : str, Path or sequence of SimulatedEffect
-        A file of effects or a diagnosis (gap.json). Effects that are marked `native` are passed
-        over: the model has them.
-    start_time : float
-        s since the start of the session at which the data's time is zero, for friction that drifts
-        through it; what starts anew with each recording counts from there.
+    - `model`: mujoco.MjModel with the joint names of the effects; it is changed: see `apply`
+    - `effects`: a file of effects or a diagnosis (gap.json); effects that are marked `native` are
+      passed over: the model has them
+    - `start_time`: s since the start of the session at which the data's time is zero, for friction
+      that drifts through it; what starts anew with each recording counts from there
+    - `notes`: sentences on effects that are not simulated: the user changes the control law
 
-    Attributes
-    ----------
-    notes : tuple of str
-        Sentences on effects that are not simulated: the user changes the control law.
-
-    Raises
-    ------
-    UsageError
-        An effect, parameter or joint that is not known; a shaft or a coupling that the model has
-        no parts for (`model_with_effects`), or a time step that is too long for a shaft.
+    Raises UsageError: an effect, parameter or joint that is not known; a shaft or a coupling that
+    the model has no parts for (`model_with_effects`), or a time step that is too long for a shaft.
     """
 
     def __init__(
@@ -121,7 +109,6 @@ class Effects:
             if effect.joint in self.joints:
                 place = self.joints.index(effect.joint)
                 self._offset[place] += effect.parameters.get("offset", 0.0)
-        self._curves = added.curves
         self.notes = tuple(
             f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
             "there"
@@ -223,7 +210,7 @@ class Effects:
             if self._wrong:
                 seen = self._drive.commanded(model, data, *self.measured(data))
             acting = self._drive.delayed(seen, float(model.opt.timestep))
-            for joint, curve in self._curves:
+            for joint, curve in self._added.curves:
                 whole = curve.law.curve.py_func  # type: ignore[attr-defined]
                 acting[joint] = whole(curve.values, acting[joint])
             force += acting - sent

@@ -144,10 +144,8 @@ def model_with_effects(model: FilePath, effects: FilePath) -> Any:
 
     Without elasticity, backlash and joint coupling it is the model of the file as it is.
 
-    Raises
-    ------
-    UsageError
-        MuJoCo is not installed, a file cannot be read, an effect or joint is not known.
+    Raises UsageError: MuJoCo is not installed, a file cannot be read, an effect or joint is not
+    known.
     """
     mujoco = load_mujoco("a model with effects")
     parts = read_effects(Path(effects)).effects
@@ -183,9 +181,8 @@ def _add_shaft(spec: Any, name: str) -> None:
         )
     if len(joint.parent.joints) > 1:
         raise UsageError(f"elasticity or backlash at {name}: its body has several joints")
-    shaft = joint.parent.add_joint(
-        name=name + SHAFT, type=joint.type, pos=joint.pos, axis=joint.axis
-    )
+    same = {"type": joint.type, "pos": joint.pos, "axis": joint.axis}
+    shaft = joint.parent.add_joint(name=name + SHAFT, **same)
     for key in ("armature", "frictionloss", "damping", "stiffness"):  # not those of a default
         setattr(shaft, key, 0.0 * getattr(joint, key))
 

@@ -101,22 +101,16 @@ def simulated_robot(
     the extended model of a diagnosis (`extended`, a gap.json), that has precedence over the
     parameters of the configuration, and its causes are added.
 
-    Raises
-    ------
-    UsageError
-        An unknown parameter, a control law that is not known, no URDF, or one that cannot be used.
+    Raises UsageError: an unknown parameter, a control law that is not known, no URDF, or one that
+    cannot be used.
     """
     urdf = configuration.robot.description
     if urdf is None:
         raise UsageError(f"{configuration.source}: robot.urdf or robot.mjcf is needed to simulate")
     if configuration.signals.effort_unit != "N m":
         raise UsageError("signals.effort_unit: only a robot in N m can be simulated")
-    whole = configuration.changed(
-        "identification",
-        friction=["viscous", "coulomb", "offset"],
-        drive_inertia=True,
-        exclude=[],
-    )
+    terms = ["viscous", "coulomb", "offset"]
+    whole = configuration.changed("identification", friction=terms, drive_inertia=True, exclude=[])
     text = read_urdf_file(urdf)
     model = build_inverse_model(whole, text, urdf.name)
     settings = configuration.simulated_robot
@@ -200,27 +194,18 @@ def simulate(
     - `effects`: a diagnosis (`gap.json`): the robot is its extended model, with its causes
     - `force`: replace files that this program did not write
 
-    Returns
-    -------
-    list of SimulatedBag, Path
-        The bags, and the JSON file ``{name: value}`` of the true base parameters, with the key
-        ``format``, and with effects also ``{"effects": […]}``.
+    Returns the bags, and the JSON file ``{name: value}`` of the true base parameters, with the key
+    ``format``, and with effects also ``{"effects": […]}``.
 
-    Raises
-    ------
-    UsageError
-        The configuration cannot be simulated, or a file cannot be written.
-    DataError
-        The closed loop diverged.
+    Raises UsageError: the configuration cannot be simulated, or a file cannot be written.
+    DataError: the closed loop diverged.
     """
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
     out = as_file(out)
-    bag_paths = {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
-    bag_paths, truth = (
-        bag_paths if len(seeds) > 1 else {seeds[0]: out},
-        out.with_name(out.stem + TRUTH),
-    )
+    bag_paths, truth = {seeds[0]: out}, out.with_name(out.stem + TRUTH)
+    if len(seeds) > 1:
+        bag_paths = {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
     require_file_place([*bag_paths.values(), truth], force=force)
     robot = simulated_robot(configuration, effects)
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}

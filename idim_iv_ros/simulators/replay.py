@@ -192,11 +192,9 @@ def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
         raise DataError(
             f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
         )
-    sources, _ = with_law_speed(
-        instrument_sources(
-            prepared.configuration, prepared.model, prepared.motions, prepared.cutoffs
-        )
-    )
+    motions, cutoffs = prepared.motions, prepared.cutoffs
+    possible = instrument_sources(prepared.configuration, prepared.model, motions, cutoffs)
+    sources, _ = with_law_speed(possible)
     source = sources.sources[0]
     if not isinstance(source, SimulatedLoop):
         raise DataError(" ".join(sources.controller) or "the control law is not known")

@@ -24,7 +24,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 Kind = Literal["step", "ramp"]
 
 LEAST = 5  # values below which nothing is judged
-_EACH_SIDE = 2  # values on each side of a step, and on a ramp: one odd value is no change
+_SIDE_VALUES = 2  # values on each side of a step, and on a ramp: one odd value is no change
 _MOST_PLACES = 150  # more are thinned evenly
 _DRAWS: Final = 9999
 _FIRST_DRAWS: Final = 999  # that suffice where the change is no surprise
@@ -142,8 +142,8 @@ def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:
     """
     count = len(times)
     begins = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)
-    steps = _thinned(begins[(begins >= _EACH_SIDE) & (begins <= count - _EACH_SIDE)])
-    ramps = _thinned(begins[(begins >= 1) & (begins <= count - _EACH_SIDE)])
+    steps = _thinned(begins[(begins >= _SIDE_VALUES) & (begins <= count - _SIDE_VALUES)])
+    ramps = _thinned(begins[(begins >= 1) & (begins <= count - _SIDE_VALUES)])
     index = np.arange(count)
     shapes = [(index >= place).astype(float) for place in steps]
     shapes += [np.maximum(times - times[place - 1], 0.0) for place in ramps]

@@ -18,10 +18,8 @@ from tests.report.sample_result import sample_result
 
 def test_table_becomes_a_bag_is_checked_and_identified(run, config, columns, tmp_path) -> None:
     bag, out = tmp_path / "run.mcap", tmp_path / "results"
-    imported = run("import", bag, "--columns", columns, status=0)
-    assert "6000 samples" in imported.out
-    checked = run("check", bag, "--config", config(), status=0)
-    assert "Usable" in checked.out
+    assert "6000 samples" in run("import", bag, "--columns", columns, status=0).out
+    assert "Usable" in run("check", bag, "--config", config(), status=0).out
     identified = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert "Verdict" in identified.out
     assert len(identified.out.splitlines()) < 40
@@ -46,10 +44,6 @@ def test_demo_compares_the_estimates_with_the_truth_and_writes_a_report(tmp_path
     assert within >= 0.95 * count > 40
     assert printed.count(" σ ") > 20  # rows of the table: how far off the truth
     assert (tmp_path / "demo" / "report.html").is_file()
-
-
-def _fails(*_: object, **__: object) -> str:
-    raise ValueError("'list' argument must have no negative elements")
 
 
 def _written(path: Path, result: IdentificationResult) -> Path:

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import refused, write_arm
+from tests.cli.conftest import CONFIG, refused, write_arm
 from tests.cli.test_simulate import gap_file
 
-CONFIG = Path(__file__).resolve().parents[2] / "config" / "arm2.yaml"
+ARM2 = CONFIG / "arm2.yaml"
 RIPPLE = {
     "effect": "position_ripple",
     "joint": "joint_1",
@@ -26,11 +26,9 @@ def rippled(run, tmp_path: Path):
         gap = gap_file(tmp_path / "truth.json", RIPPLE, parameters=NO_OFFSETS)
         bag = tmp_path / "arm.mcap"
         options = [word for seed in seeds for word in ("--seed", seed)]
-        command = f"simulate --config {CONFIG} --out {bag} --duration {seconds} --effects {gap}"
+        command = f"simulate --config {ARM2} --out {bag} --duration {seconds} --effects {gap}"
         run(command, *options, status=0)
-        if len(seeds) == 1:
-            return [bag]
-        return [tmp_path / f"arm-{seed}.mcap" for seed in seeds]
+        return [tmp_path / f"arm-{seed}.mcap" for seed in seeds] if len(seeds) > 1 else [bag]
 
     return make
 
@@ -44,36 +42,30 @@ def test_what_was_simulated_is_found_and_can_be_simulated_again(run, rippled, tm
     """One bag only: ripple within 10 %, then a robot with what was found."""
     (bag,) = rippled(1)
     out = tmp_path / "why"
-    run("diagnose", bag, "--config", CONFIG, "--out", out, status=0)
+    run("diagnose", bag, "--config", ARM2, "--out", out, status=0)
     result = document(out)
-    structural = [cause for cause in result["causes"] if cause["kind"] == "structural"]
-    assert [(cause["effect"], cause["joint"]) for cause in structural] == [
-        ("position_ripple", "joint_1")
-    ]
+    (structural,) = [cause for cause in result["causes"] if cause["kind"] == "structural"]
+    assert (structural["effect"], structural["joint"]) == ("position_ripple", "joint_1")
     assert result["verdict"] in ("structural", "both")
     assert "position ripple at joint_1" in result["summary"].lower()
-    values = {name: cause["value"] for name, cause in structural[0]["parameters"].items()}
+    values = {name: cause["value"] for name, cause in structural["parameters"].items()}
     assert values["wave_number_1"] == pytest.approx(21.0, abs=0.3)
-    size = np.hypot(values["sine_1"], values["cosine_1"])
-    assert size == pytest.approx(1.5, rel=0.1)
-    gap = structural[0]["torque_gap"]
+    assert np.hypot(values["sine_1"], values["cosine_1"]) == pytest.approx(1.5, rel=0.1)
+    gap = structural["torque_gap"]
     assert gap["after"] < 0.6 * gap["before"]
     again = tmp_path / "again.mcap"
-    command = f"simulate --config {CONFIG} --out {again} --duration 2 --effects {out / 'gap.json'}"
+    command = f"simulate --config {ARM2} --out {again} --duration 2 --effects {out / 'gap.json'}"
     run(command, status=0)
     truth = json.loads((tmp_path / "again.truth.json").read_text())
     assert "position_ripple" in [effect["effect"] for effect in truth["effects"]]
-    extended = result["extended_parameters"]
-    assert truth["MX1"] == pytest.approx(extended["MX1"]["value"])
+    assert truth["MX1"] == pytest.approx(result["extended_parameters"]["MX1"]["value"])
 
 
 def test_repeated_runs_give_a_floor_and_a_withheld_effect_is_not_named(run, rippled, tmp_path):
     bags = rippled(1, 2, seconds=5)
     out = tmp_path / "why"
-    outcome = run(
-        "diagnose", *bags, "--config", CONFIG, "--out", out, "--without", "position_ripple"
-    )
-    assert outcome.status == 0, outcome.error
+    withheld = ("--without", "position_ripple")
+    run("diagnose", *bags, "--config", ARM2, "--out", out, *withheld, status=0)
     result = document(out)
     assert result["without"] == ["position_ripple"]
     assert "position_ripple" not in [cause["effect"] for cause in result["causes"]]
@@ -99,15 +91,8 @@ def test_without_references_or_controller_it_ends_with_what_can_be_said(
     if "unknown" in new:
         gains = ("  kp: [1200.0, 250.0]   # N m/rad\n", "  kd: [52.0, 9.2]   # N m s/rad\n")
     out = tmp_path / "why"
-    run(
-        "diagnose",
-        bag,
-        "--config",
-        config((old, new), *((gain, "") for gain in gains)),
-        "--out",
-        out,
-        status=0,
-    )
+    path = config((old, new), *((gain, "") for gain in gains))
+    run("diagnose", bag, "--config", path, "--out", out, status=0)
     result = document(out)
     notes = " ".join(result["notes"]).lower()
     for word in words:

@@ -55,10 +55,8 @@ def test_effects_are_simulated_with_the_exported_robot(run, arm: Case, tmp_path:
     law = "controller: {type: pd, kp: [900.0, 200.0], kd: [40.0, 8.0], period: 0.001}\n"
     config.write_text(robot + section + law, encoding="utf-8")
     bag = tmp_path / "new.mcap"
-    run(
-        f"simulate --config {config} --out {bag} --effects {out / 'effects.json'} --duration 2",
-        status=0,
-    )
+    effects = ("--effects", out / "effects.json")
+    run("simulate", "--config", config, "--out", bag, *effects, "--duration", 2, status=0)
     truth = json.loads((tmp_path / "new.truth.json").read_text())
     model, standard = arm.model, arm.standard
     for name, row in zip(model.base.names, model.base.grouping, strict=True):
@@ -73,29 +71,23 @@ def test_without_the_solver_one_line_says_what_to_install(run, bag, config, tmp_
     outcome = run("identify", bag, "--config", config(), "--out", out, status=0)
     assert "pip install 'idim-iv-ros[physical]'" in outcome.out
     assert json.loads((out / "result.json").read_text())["physical"] is None
-    exported = tmp_path / "out"
-    refused(
-        run("export", out / "result.json", "--config", config(), "--out", exported), 2, "[physical]"
-    )
+    export = ("export", out / "result.json", "--config", config(), "--out", tmp_path / "out")
+    refused(run(*export), 2, "[physical]")
 
 
 def test_an_mjcf_comes_back_as_the_same_file_and_can_be_replayed(run, bag, config, tmp_path):
     """Identified, exported, and simulated with the recording that it is from."""
     configuration, results, out = as_mjcf(config, tmp_path), tmp_path / "results", tmp_path / "out"
-    outcome = run("identify", bag, "--config", configuration, "--out", results, status=0)
-    outcome = run(
-        f"export {results / 'result.json'} --config {configuration} --out {out}", status=0
-    )
+    run("identify", bag, "--config", configuration, "--out", results, status=0)
+    result = results / "result.json"
+    outcome = run("export", result, "--config", configuration, "--out", out, status=0)
     names = ["arm2.xml", "changes.md", "effects.json"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert all(str(out / name) in outcome.out for name in names)
     before, after = ((folder / "arm2.xml").read_text("utf-8") for folder in (tmp_path, out))
     assert after != before and bare(after, CHANGING) == bare(before, CHANGING)
-    outcome = run(
-        "replay", bag, "--config", configuration, "--model", out / "arm2.xml",
-        "--effects", out / "effects.json", "--out", tmp_path / "replayed",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.error
+    model = ("--model", out / "arm2.xml", "--effects", out / "effects.json")
+    run("replay", bag, "--config", configuration, *model, "--out", tmp_path / "replayed", status=0)
 
 
 @pytest.fixture(scope="session")
@@ -117,8 +109,7 @@ def test_a_replay_prints_tables_and_writes_numbers_and_page(
     run, config, short: Path, effects: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    done = run("replay", short, "--config", config(), "--effects", effects, "--out", out)
-    assert done.status == 0, done.error
+    done = run(f"replay {short} --config {config()} --effects {effects} --out {out}", status=0)
     for word in ("nominal", "with effects", "noise", "joint_2", "mrad", "N m", "Report:"):
         assert word in done.out, done.out
     document = json.loads((out / "replay.json").read_text())
@@ -126,8 +117,8 @@ def test_a_replay_prints_tables_and_writes_numbers_and_page(
     assert [stage["stage"] for stage in document["stages"]] == ["nominal", "with effects"]
     page = (out / "report.html").read_text()
     assert "once more, in MuJoCo" in page and "joint_2" in page
-    again = run("replay", short, "--config", config(), "--json")
-    assert again.status == 0 and json.loads(again.out)["model"] == "urdf"
+    again = run("replay", short, "--config", config(), "--json", status=0)
+    assert json.loads(again.out)["model"] == "urdf"
 
 
 def test_what_cannot_be_replayed_is_one_line_and_nothing_is_written(

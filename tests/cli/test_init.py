@@ -78,8 +78,7 @@ def test_stranger_goes_from_a_bag_to_parameters_by_the_commands_that_are_named(
     """Neither a configuration nor a word of documentation: every line names the next one."""
     monkeypatch.chdir(tmp_path)
     write_bag("run1.mcap", [states(record, extra=("left_finger_joint", "torso"))])
-    lost = run("identify", "run1.mcap", status=2)
-    assert "idim-iv init BAG… --urdf FILE" in lost.error
+    assert "idim-iv init BAG… --urdf FILE" in run("identify", "run1.mcap", status=2).error
     refused(run("init", "run1.mcap"), 2, "run1.mcap", "--urdf")
     done = run("init", "run1.mcap", "--urdf", "models/arm.urdf")
     for command in ("init", "check", "identify"):
@@ -91,8 +90,7 @@ def test_stranger_goes_from_a_bag_to_parameters_by_the_commands_that_are_named(
         done = run(*following[1].split())
     assert "Verdict" in done.out
     document = json.loads((tmp_path / "results" / "result.json").read_text())
-    truth = simulated_arms.arm2()
-    assert document["joints"] == truth.configuration.robot.joints
+    assert document["joints"] == simulated_arms.arm2().configuration.robot.joints
     configuration = load_configuration("my_arm.yaml")
     assert configuration.controller.type == "unknown"
     assert configuration.signals.effort_unit == "N m"
@@ -102,8 +100,7 @@ def test_what_is_left_out_is_said_with_the_reason(run, record, urdf, tmp_path: P
     bag, out = tmp_path / "run.mcap", tmp_path / "sub" / "arm.yaml"
     out.parent.mkdir()
     write_bag(bag, [states(record, extra=("left_finger_joint", "torso"))])
-    done = run("init", bag, "--urdf", urdf, "--out", out, "--json")
-    document = json.loads(done.out)
+    document = json.loads(run("init", bag, "--urdf", urdf, "--out", out, "--json").out)
     assert document["configuration"]["robot"] == {
         "urdf": "../models/arm.urdf",
         "joints": ["joint_1", "joint_2"],
@@ -213,11 +210,9 @@ def test_unused_reference_is_answered_with_the_line_to_write(run, config, record
     assert line in " ".join(done.out.split())
     assert line in json.dumps(json.loads((tmp_path / "r" / "result.json").read_text()))
     assert "reference: /arm/joint_command" in (tmp_path / "r" / "report.html").read_text()
-    wrong = config()
-    refused(run("check", bag, "--config", wrong), 1, "`reference: /arm/joint_command`")
+    refused(run("check", bag, "--config", config()), 1, "`reference: /arm/joint_command`")
     right = config(("reference: joint_reference", "reference: /arm/joint_command"))
-    followed = run("check", bag, "--config", right)
-    assert "no reference" not in followed.out
+    assert "no reference" not in run("check", bag, "--config", right).out
 
 
 DRIVEN = simulated_arms.CONFIG / "arm2.urdf"
@@ -232,9 +227,8 @@ def bag(record, tmp_path_factory) -> Path:
     joints = ["joint_2", "joint_1"]
     for k in range(0, 6000, 2):
         stamp = record.time[k]
-        made.joint_state(
-            stamp, joints, record.position[k, ::-1], effort=0.1 * record.effort[k, ::-1]
-        )
+        position, effort = record.position[k, ::-1], 0.1 * record.effort[k, ::-1]
+        made.joint_state(stamp, joints, position, effort=effort)
         asked = record.position_reference[k], record.velocity_reference[k]
         points = {
             "reference": made.point(stamp, *asked),
@@ -253,10 +247,7 @@ def test_the_state_of_a_controller_is_a_reference_with_valid_instruments(run, ba
     assert configuration.controller.type == "pd"
     checked = json.loads(run("check", bag, "--config", out, "--json").out)
     sentences = [finding["sentence"] for finding in checked["findings"]]
-    assert any(
-        f"the reference is reference.positions of {SCALED}" in sentence for sentence in sentences
-    )
-
+    assert any(f"reference.positions of {SCALED}" in sentence for sentence in sentences)
     identified = json.loads(run("identify", bag, "--config", out, "--json").out)
     assert identified["instruments"]["accepted"] is True
 
@@ -274,10 +265,7 @@ def test_topics_of_a_driver_that_are_not_there_are_said_and_others_are_found(run
     out = tmp_path / "arm.yaml"
     done = run("init", bag, "--urdf", DRIVEN, "--driver", "kinova", "--out", out, status=0)
     assert load_configuration(out).signals.reference == SCALED
-    assert (
-        "/joint_trajectory_controller/controller_state of the driver kinova is not in the bag"
-        in out.read_text()
-    )
+    assert "controller_state of the driver kinova is not in the bag" in out.read_text()
     # The efforts are a tenth of what the masses need.
     assert "Warning: efforts of the driver kinova are in N m, but" in done.out
 
@@ -289,8 +277,7 @@ def test_drivers_hold_what_a_configuration_may_hold(name: str) -> None:
     signals = Configuration.model_validate(whole).signals
     assert signals.reference is not None
     assert "effort_unit" in preset.keys["signals"]
-    text = preset.path.read_text()
-    assert "https://" in text  # the documentation that it follows
+    assert "https://" in preset.path.read_text()  # the documentation that it follows
 
 
 def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Path) -> None:

@@ -71,8 +71,7 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(module, bag, config, tmp_path) ->
     if out.exists():  # the page was being drawn: the numbers are there, and whole
         assert [path.name for path in out.iterdir()] == ["result.json"]
         assert json.loads((out / "result.json").read_text())["parameters"]
-    left = {path.name for path in tmp_path.iterdir()} - {"results"}
-    assert left == {"arm2.yaml"}
+    assert {path.name for path in tmp_path.iterdir()} - {"results"} == {"arm2.yaml"}
 
 
 @pytest.mark.parametrize(

@@ -121,8 +121,7 @@ def test_parameters_that_are_zero_are_left_out_and_the_others_stay() -> None:
         columns, _ = essential_parameters(full.params, full.cov_params(), len(torque))
         kept.append(set(columns.tolist()))
     assert all({0, 2, 4} <= columns for columns in kept)
-    superfluous = np.mean([len(columns - {0, 2, 4}) > 0 for columns in kept])
-    assert superfluous < 0.2
+    assert np.mean([len(columns - {0, 2, 4}) > 0 for columns in kept]) < 0.2
 
 
 B = 5

@@ -125,7 +125,6 @@ def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: Si
         noise_floors(data, fit, [repeat]), regression.joints, (0.45, 0.175), strict=True
     ):
         assert floor.origin == REPEATS
-        assert floor.sigma is not None
         # White noise of both, in the band of the rows: mean of its variances.
         band = 0.5 * 0.95 * data.row_rate
         expected = noise * np.sqrt(np.mean([band / (0.5 * FAST), band / (0.5 * SLOW)]))
@@ -137,7 +136,6 @@ def test_a_diagnosis_of_both_rates_has_rows_repeats_and_tracking_of_both(arm: Si
     assert seconds == pytest.approx(
         sum((m.span.stop - m.span.start) / m.signals.rate for m in data.prepared.motions)
     )
-    assert tracked.rms is not None
     assert tracked.rms["joint_1"] == pytest.approx(np.sqrt(energies.sum() / seconds))
 
 

@@ -113,7 +113,6 @@ def test_instruments_of_the_right_model_are_accepted(result) -> None:
 
 def test_refined_estimates_are_right_too(arm6, result) -> None:
     truth = truth_of(arm6)
-    assert result.refined is not None
     deviations = [(p.value - truth[p.name]) / p.std for p in result.refined.parameters]
     assert np.mean(np.abs(deviations) < 3.0) >= 0.95
 
@@ -132,8 +131,7 @@ def test_gravity_left_out_is_rejected_where_it_acts_and_accepted_at_the_flange(
     arm6, recording
 ) -> None:
     """As in the paper, section V.D; joint 4 of this arm is at the edge, p = 0.005 of 0.004."""
-    configuration = without_gravity(arm6.configuration)
-    result = identify_recordings([recording], configuration)
+    result = identify_recordings([recording], without_gravity(arm6.configuration))
     everything, *joints = result.instruments.tests
     assert everything.accepted is False
     assert [test.accepted for test in joints[:3]] == [False] * 3
@@ -182,8 +180,7 @@ def test_fifty_seeds_lie_within_three_sigma_and_are_accepted(name: str) -> None:
         f"{np.sqrt(np.mean(np.square(deviations))):.2f} σ, accepted {np.mean(accepted):.2f}"
     )
     assert np.mean(np.abs(deviations) < 3.0) >= 0.95
-    false_alarms = SEEDS - sum(accepted)
-    assert binomtest(false_alarms, SEEDS, 0.05, alternative="greater").pvalue > 0.01
+    assert binomtest(SEEDS - sum(accepted), SEEDS, 0.05, alternative="greater").pvalue > 0.01
 
 
 @pytest.mark.slow

@@ -178,5 +178,4 @@ def test_seven_joints_reach_the_published_condition_number(robots, floor) -> Non
     assert made.after.plain <= 116.7
     assert made.after.weighted <= 116.7
     assert_limits_hold(model, limits, made.period)
-    numbers = condition_numbers(model, made.period, limits.torque)
-    assert numbers == made.after
+    assert condition_numbers(model, made.period, limits.torque) == made.after

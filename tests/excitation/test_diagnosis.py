@@ -70,8 +70,7 @@ def test_reversals_have_the_amplitude_of_their_label(diagnosis) -> None:
     for segment, position, velocity, _ in of_kind(diagnosis[2], "reversals"):
         reach = np.abs(position - position[0]).max(axis=0)
         np.testing.assert_allclose(reach, segment.amplitude, rtol=0.02)
-        turns = np.sum(np.diff(np.sign(velocity[1:-1, 0])) != 0.0)
-        assert turns >= 6
+        assert np.sum(np.diff(np.sign(velocity[1:-1, 0])) != 0.0) >= 6
         amplitudes.append(reach[0])
     assert min(amplitudes) == pytest.approx(0.0005, rel=0.02)
     assert max(amplitudes) == pytest.approx(0.01, rel=0.02)

@@ -98,7 +98,7 @@ def limits_of(lower: float, upper: float) -> MotionLimits:
         velocity=np.full(2, 3.0),
         acceleration=np.array([10.0, 20.0]),
         torque=np.full(2, 50.0),
-        torque_known=True,
+        torque_checked=True,
         floor=None,
         margin=0.9,
     )

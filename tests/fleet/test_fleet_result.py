@@ -92,9 +92,8 @@ def test_the_order_of_bags_does_not_matter(answer: FleetResult, bags: Sequence[B
 def test_one_robot_is_estimated_and_compared_with_nobody(bags: Sequence[BagResult]) -> None:
     alone = fleet_result([bag for bag in bags if bag.robot == "arm2-004"])
     (robot,) = alone.robots
-    assert robot.attention == "changed" and not any(
-        quantity.differs for quantity in robot.quantities
-    )
+    assert robot.attention == "changed"
+    assert not any(quantity.differs for quantity in robot.quantities)
     assert all(np.isnan(quantity.p_value) for quantity in robot.quantities)
     assert any("nothing says what is ordinary" in note for note in alone.types[0].notes)
 

@@ -1,6 +1,7 @@
 """Argument vectors: options with values that they should not have."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,38 +32,32 @@ def cases(seed: int) -> Iterator[Case]:
     """One option wrong at a time."""
     for option in _EXCITE:
         for number in range(2):
-            yield Case(f"excite{option}-{number}", _excite_with(option))
+            yield Case(f"excite{option}-{number}", partial(_excite_with, option))
     for option in ("--duration", "--motion-seed", "--seed"):
         for number in range(3):
-            yield Case(f"simulate{option}-{number}", _simulate_with(option))
+            yield Case(f"simulate{option}-{number}", partial(_simulate_with, option))
     for name, seconds in (("infinite", "inf"), ("1e300", "1e300"), ("2000", "2000")):
         yield Case(f"simulate--duration-{name}", _lasting(seconds))
     for name, arguments in _WRONG.items():
         yield Case(f"arguments-{name}", arguments)
 
 
-def _excite_with(option: str) -> Build:
-    def build(folder: Path, good: Good, random: np.random.Generator) -> list[str]:
-        config = write_configuration(folder)
-        arguments = excitation(folder, config, **{option[2:]: str(random.choice(_NUMBERS))})
-        for_diagnosis = random.uniform() < 0.15 or option == "--duration"
-        return [*arguments, "--for", "diagnosis"] if for_diagnosis else arguments
-
-    return build
+def _excite_with(option: str, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    config = write_configuration(folder)
+    arguments = excitation(folder, config, **{option[2:]: str(random.choice(_NUMBERS))})
+    for_diagnosis = random.uniform() < 0.15 or option == "--duration"
+    return [*arguments, "--for", "diagnosis"] if for_diagnosis else arguments
 
 
 def _excite(**options: str) -> Build:
     return lambda folder, good, random: excitation(folder, write_configuration(folder), **options)
 
 
-def _simulate_with(option: str) -> Build:
-    def build(folder: Path, good: Good, random: np.random.Generator) -> list[str]:
-        arguments = simulation(folder)
-        if option == "--duration":
-            arguments = arguments[:-2]
-        return [*arguments, option, str(random.choice(_NUMBERS))]
-
-    return build
+def _simulate_with(option: str, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
+    arguments = simulation(folder)
+    if option == "--duration":
+        arguments = arguments[:-2]
+    return [*arguments, option, str(random.choice(_NUMBERS))]
 
 
 def _lasting(seconds: str) -> Build:

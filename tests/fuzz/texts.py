@@ -85,14 +85,6 @@ def _with_key(key: tuple[str, ...], folder: Path, good: Good, random: np.random.
     return command(what, folder, [good.bag], write_configuration(folder, document))
 
 
-def _odd_number(good: str, random: np.random.Generator) -> str:
-    return _replaced(_NUMBER, _ODD_NUMBERS, good, random)
-
-
-def _odd_word(good: str, random: np.random.Generator) -> str:
-    return _replaced(_WORD, _ODD_WORDS, good, random)
-
-
 def _replaced(
     pattern: re.Pattern[str], values: tuple[str, ...], good: str, random: np.random.Generator
 ) -> str:
@@ -109,6 +101,8 @@ def _torn(good: str, random: np.random.Generator) -> str:
     return good[: int(random.integers(len(good)))]
 
 
+_odd_number = partial(_replaced, _NUMBER, _ODD_NUMBERS)
+_odd_word = partial(_replaced, _WORD, _ODD_WORDS)
 _DAMAGES = {"number": _odd_number, "word": _odd_word, "flipped": _flipped, "torn": _torn}
 
 

@@ -74,33 +74,19 @@ def test_a_value_says_why_not_to_rely_on_it(value, std, non_negative, remark, mo
 def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
     arm = arm6(seconds=1.0)
     urdf = arm.configuration.robot.urdf
-    assert urdf is not None
     base = build_inverse_model(arm.configuration, urdf.read_text(), urdf.name).base
-    forbidden = {
-        name
-        for name, never_negative in zip(base.names, base.non_negative, strict=True)
-        if never_negative
-    }
+    forbidden = {name for name, never in zip(base.names, base.non_negative, strict=True) if never}
     kinds = ("Ia", "Fv", "Fc")
     assert {f"{kind}{k}" for kind in kinds for k in range(1, 7)} & set(base.names) <= forbidden
     assert not any(name.startswith(("off", "M", "XY", "XZ", "YZ")) for name in forbidden)
-    minus = [
-        name
-        for name, expression in zip(base.names, base.expressions, strict=True)
-        if " - " in expression
-    ]
+    sums = zip(base.names, base.expressions, strict=True)
+    minus = {name for name, expression in sums if " - " in expression}
     assert minus
-    assert not forbidden & set(minus)
+    assert not forbidden & minus
     # Of any robot that can be built they are not: random positive values.
-    random = np.random.default_rng(3)
-    kind_of = [parameter.kind for parameter in base.layout.parameters]
-    standard = np.array(
-        [
-            random.uniform(-1, 1) if kind in ("XY", "XZ", "YZ", "MX", "MY", "MZ", "off")
-            else random.uniform(0, 1)
-            for kind in kind_of
-        ]
-    )  # fmt: skip
+    signed = ("XY", "XZ", "YZ", "MX", "MY", "MZ", "off")
+    low = [-1.0 if parameter.kind in signed else 0.0 for parameter in base.layout.parameters]
+    standard = np.random.default_rng(3).uniform(low, 1.0)
     values = dict(zip(base.names, base.from_standard(standard), strict=True))
     assert all(values[name] >= 0.0 for name in forbidden)
 
@@ -108,7 +94,6 @@ def test_sums_of_masses_inertias_and_friction_may_not_be_negative() -> None:
 @pytest.mark.parametrize(("deviations", "essential"), [(2.9, True), (3.1, True), (9.0, False)])
 def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(deviations, essential):
     result = sample_result(2, "coloured")
-    assert result.refined is not None
     first, *others = result.refined.parameters
     parameter = replace(result.parameters[0], essential=essential)
     far = replace(

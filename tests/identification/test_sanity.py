@@ -54,11 +54,8 @@ def where(report: CheckReport, level: str) -> list[str]:
     return sorted({finding.where for finding in report.findings if finding.level == level})
 
 
-def with_effort(
-    values: FloatArray, recorded: SimulatedRecording | None = None
-) -> SimulatedRecording:
+def with_effort(values: FloatArray, recorded: SimulatedRecording) -> SimulatedRecording:
     """The recording with another effort of joint_2."""
-    recorded = recorded or recording()
     effort = recorded.effort.copy()
     effort[:, JOINT] = values
     return replace(recorded, effort=effort)
@@ -88,7 +85,6 @@ def in_band(arm: SimulatedArm, decimation: float, position: float) -> Configurat
 def with_urdf(folder: Path, pattern: str, text: str, kind: str = "revolute") -> Configuration:
     """The arm whose URDF has another text in every place of a pattern, and joints of a kind."""
     urdf = ARM.configuration.robot.urdf
-    assert urdf is not None
     other = re.sub(pattern, text, urdf.read_text(encoding="utf-8"))
     (folder / "other.urdf").write_text(other.replace('type="revolute"', f'type="{kind}"'))
     return changed(ARM.configuration, "robot", urdf=folder / "other.urdf")
@@ -120,7 +116,7 @@ def of_gravity() -> FloatArray:
     ],
 )
 def test_effort_that_is_no_torque_is_said_of_its_joint(effort, tmp_path: Path) -> None:
-    report = checked(tmp_path, with_effort(effort()))
+    report = checked(tmp_path, with_effort(effort(), recording()))
     assert where(report, "unusable") == ["joint_2"]
     assert not report.usable
 
@@ -162,22 +158,23 @@ def test_wrong_zero_or_gravity_is_no_wrong_sign(robot, tmp_path: Path) -> None:
     assert where(checked(tmp_path, recording(), configuration=configuration), "unusable") == []
 
 
-def test_degrees_are_no_positions_in_radians(tmp_path: Path) -> None:
-    degrees = replace(recording(), position=np.degrees(recording().position))
-    assert where(checked(tmp_path, degrees), "unusable") == ["joint_1", "joint_2"]
+def in_degrees(*joints: int) -> SimulatedRecording:
+    position = recording().position.copy()
+    position[:, joints] *= 180.0 / np.pi
+    return replace(recording(), position=position)
 
 
-def test_degrees_of_one_joint_leave_out_what_they_make_another_torque(tmp_path: Path) -> None:
+@pytest.mark.parametrize("joints", [(0, 1), (JOINT,)])
+def test_degrees_leave_out_what_they_make_another_torque(joints, tmp_path: Path) -> None:
     """The first joint's gravity and inertia turn with the second's angle."""
-    degrees = replace(recording(), position=recording().position * np.array([1.0, 180.0 / np.pi]))
-    report = checked(tmp_path, degrees)
+    report = checked(tmp_path, in_degrees(*joints))
     assert where(report, "unusable") == ["joint_1", "joint_2"]
-    assert "its torque depends on the motion of joint_2" in str(report.findings)
+    depends = "its torque depends on the motion of joint_2" in str(report.findings)
+    assert depends is (joints == (JOINT,))
 
 
 def test_what_is_said_of_signals_leaves_them_as_they_are() -> None:
-    degrees = replace(recording(), position=recording().position * np.array([1.0, 180.0 / np.pi]))
-    prepared = prepare([recording_of(ARM, degrees)], ARM.configuration)
+    prepared = prepare([recording_of(ARM, in_degrees(JOINT))], ARM.configuration)
     before = [motion.position.copy() for motion in prepared.motions]
     assert any(finding.left_out for finding in prepared.joint_findings)
     for motion, position in zip(prepared.motions, before, strict=True):

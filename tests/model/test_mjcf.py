@@ -99,8 +99,7 @@ def test_the_same_arm_as_urdf_and_mjcf_has_the_same_regressor(tmp_path: Path) ->
     urdf = load_robot(read_urdf_file(CONFIG / "arm2.urdf"), joints, armature=(0.25, 0.1))
     mjcf = load_robot(read_urdf_file(written(tmp_path, ARM2)), joints)
     layout = parameter_layout(mjcf.joint_types, friction=("viscous", "coulomb"), drive_inertia=True)
-    random = np.random.default_rng(5)
-    states = random.uniform(-2, 2, (3, 50, 2))
+    states = np.random.default_rng(5).uniform(-2, 2, (3, 50, 2))
     matrices = [StandardRegressor(robot, layout)(*states) for robot in (urdf, mjcf)]
     assert np.abs(matrices[0] - matrices[1]).max() < 1e-10
     assert layout.vector(mjcf.given) == pytest.approx(layout.vector(urdf.given), abs=1e-10)

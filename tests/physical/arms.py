@@ -33,7 +33,6 @@ def arm(name: str, *, samples: int, noise: float) -> Estimate:
     """
     configuration = load_configuration(CONFIG / f"{name}.yaml")
     urdf = configuration.robot.urdf
-    assert urdf is not None
     model = build_inverse_model(configuration, urdf.read_text(), urdf.name)
     random = np.random.default_rng(1)
     shape = (samples, len(model.robot.joints))

@@ -143,9 +143,8 @@ def test_on_its_own_recording_the_residual_is_as_large_as_the_identification_lef
     identified, played
 ) -> None:
     live, predictions = played
-    rms = live.rows.share(1e9, 100)
     # The live rows are others of the same residual, and lack those of the first second.
-    assert rms == pytest.approx(identified.noise_floor, rel=0.1)
+    assert live.rows.share(1e9, 100) == pytest.approx(identified.noise_floor, rel=0.1)
     shares = np.array([prediction.noise_share for prediction in predictions])
     assert np.nanmedian(shares, axis=0) == pytest.approx(1.0, abs=0.2)
     for level in joint_levels(identified, live.rows, RATE, false_warnings=1.0):
@@ -176,8 +175,7 @@ def test_a_payload_is_beyond_the_limit(identified, recording) -> None:
     play(live, positions, efforts)
     levels = joint_levels(changed, live.rows, RATE, false_warnings=1.0)
     assert any(level.beyond for level in levels)
-    sentence = next(level.sentence for level in levels if level.beyond)
-    assert "identify anew" in sentence
+    assert "identify anew" in next(level.sentence for level in levels if level.beyond)
 
 
 def in_two_messages(stream: JointSamples, *, apart: int, reverse: bool = False) -> JointSamples:
@@ -231,8 +229,7 @@ def test_an_effort_that_is_nan_silences_its_joint_alone(identified, recording) -
     positions, efforts = samples(recording, slice(0, 4))
     values = efforts.values.copy()
     values[2000:, 2] = np.nan
-    predictions = play(LivePrediction(identified), positions, JointSamples(efforts.time, values))
-    last = predictions[-1]
+    last = play(LivePrediction(identified), positions, JointSamples(efforts.time, values))[-1]
     assert last.reason == ""
     assert np.isnan(last.measured[2]) and np.isnan(last.predicted[2]) and np.isnan(last.residual[2])
     assert np.isfinite(np.delete(last.measured, 2)).all()
@@ -243,10 +240,7 @@ def test_a_short_gap_is_left_out_and_a_long_one_begins_anew(identified, recordin
 
     def without(first: int, last: int) -> list[Prediction]:
         kept = np.r_[0:first, last : len(positions)]
-        pair = (
-            JointSamples(stream.time[kept], stream.values[kept]) for stream in (positions, efforts)
-        )
-        return play(LivePrediction(identified), *pair)
+        return play(LivePrediction(identified), positions.part(kept), efforts.part(kept))
 
     short = without(3000, 3100)
     assert [prediction.reason for prediction in short[20:] if prediction.reason] == []
@@ -282,8 +276,7 @@ def test_another_rate_is_noticed_and_taken_up(identified, recording) -> None:
 
 
 def test_a_rate_below_the_filter_is_refused_with_both_numbers(identified, recording) -> None:
-    pair = samples(recording, slice(0, 3), every=40)
-    last = play(LivePrediction(identified), *pair)[-1]
+    last = play(LivePrediction(identified), *samples(recording, slice(0, 3), every=40))[-1]
     cutoff = identified.result.processing.position_cutoff
     for number in (25.0, cutoff, 2 * cutoff):
         assert f"{number:g} Hz" in last.reason
@@ -294,9 +287,7 @@ def test_samples_out_of_order_are_left_out_and_a_clock_set_back_begins_anew(iden
     time = positions.time.copy()
     time[1000] -= 5_000_000
     live = LivePrediction(identified)
-    predictions = play(
-        live, JointSamples(time, positions.values), JointSamples(time, efforts.values)
-    )
+    predictions = play(live, replace(positions, time=time), replace(efforts, time=time))
     assert live.late == 1
     assert predictions[-1].reason == ""
     live = LivePrediction(identified)

@@ -33,11 +33,8 @@ def config() -> Path:
 
 def require_bodies(result: IdentificationResult) -> None:
     """Every link is a body, no drive gives energy, and neither costs much where nothing was fit."""
-    assert result.physical is not None
     assert all(link.eigenvalues[0] > 0.0 for link in result.physical.links)
     for name, value in result.physical.values.items():
         assert value >= 0.0 or not name.startswith(("Ia", "Fv", "Fc"))
     error = result.physical.torque_error
-    assert error is not None and error.held_out_before is not None
-    assert error.held_out_after is not None
     assert error.held_out_after <= 1.02 * error.held_out_before

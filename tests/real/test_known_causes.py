@@ -22,8 +22,7 @@ from tests.real.recordings import (
 
 def law_check(bags: list[Path], configuration: Path) -> LawCheck:
     loaded = load_configuration(configuration)
-    refit = refitted(read_configured(bags, loaded), loaded, ())
-    return check_law(refit.data)
+    return check_law(refitted(read_configured(bags, loaded), loaded, ()).data)
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from scipy.io import savemat
 
 from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.recording.bags.folder import Bag
+from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.recording.table import import_table
@@ -76,9 +77,6 @@ def test_efforts_of_another_world_are_refused(tmp_path: Path, scale: float) -> N
         read_recordings([bag], joints=["a", "b"], effort="/effort")
 
 
-_STATE = "sensor_msgs/msg/JointState"
-
-
 def test_a_bag_of_ros_1_is_refused_with_what_converts_it(tmp_path: Path) -> None:
     (tmp_path / "run.bag").write_bytes(b"#ROSBAG V2.0\n")
     with pytest.raises(DataError, match=r"rosbags-convert --src .*run\.bag --dst run`"):
@@ -97,7 +95,10 @@ def test_suffixes_in_capitals_are_those_of_bags(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("swapped", [False, True])
 def test_two_types_on_one_topic_are_named(tmp_path: Path, swapped: bool) -> None:
-    kinds = [_STATE, "std_msgs/msg/Float64MultiArray"]
+    kinds = {
+        JOINT_STATE: joint_state,
+        "std_msgs/msg/Float64MultiArray": lambda _: float_array([1.0, 2.0]),
+    }
     path = tmp_path / "two.mcap"
     with path.open("wb") as file:
         writer = Writer(file)
@@ -108,8 +109,8 @@ def test_two_types_on_one_topic_are_named(tmp_path: Path, swapped: bool) -> None
             channel = writer.register_channel("/joint_states", "cdr", schema)
             for number in range(50):
                 time = 10**9 + 10**7 * number
-                message = joint_state(time / 1e9) if kind == _STATE else float_array([1.0, 2.0])
-                writer.add_message(channel, time, bytes(STORE.serialize_cdr(message, kind)), time)
+                data = bytes(STORE.serialize_cdr(kinds[kind](time / 1e9), kind))
+                writer.add_message(channel, time, data, time)
         writer.finish()
     assert all(kind in Bag(path).topic_types()["/joint_states"] for kind in kinds)
     with pytest.raises(DataError, match="several types") as caught:
@@ -139,6 +140,7 @@ TIME = np.arange(1500) * 0.002
 POSITION = np.column_stack([np.sin(TIME), np.cos(2.0 * TIME)])
 EFFORT = np.column_stack([3.0 * np.cos(TIME), np.sin(TIME)])
 JOINTS = ["a", "b"]
+DATES = [str(np.datetime64("2026-03-01T08:00:00.000") + 2 * k) for k in range(len(TIME))]
 
 
 def _imported(folder: Path, text: str) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
@@ -177,10 +179,7 @@ joints:
 @pytest.mark.parametrize("unit", ["s", "ms", "iso"])
 def test_a_messy_text_is_the_same_recording(tmp_path: Path, comma: bool, unit: str) -> None:
     if unit == "iso":
-        start = np.datetime64("2026-03-01T08:00:00.000")
-        stamps = [str(start + np.timedelta64(2 * k, "ms")) for k in range(len(TIME))]
-        if comma:
-            stamps = [stamp.replace(".", ",") for stamp in stamps]
+        stamps = [date.replace(".", ",") if comma else date for date in DATES]
     else:
         stamps = [f"{time * (1e3 if unit == 'ms' else 1.0):.4f}" for time in TIME]
     (tmp_path / "log.csv").write_text(_text(stamps, comma, gap=77), encoding="utf-8-sig")
@@ -197,10 +196,7 @@ def test_a_messy_text_is_the_same_recording(tmp_path: Path, comma: bool, unit: s
 
 @pytest.mark.parametrize("comma", [False, True])
 def test_a_proposed_map_has_the_signs_and_units_of_the_text(tmp_path: Path, comma: bool) -> None:
-    start = np.datetime64("2026-03-01T08:00:00.000")
-    stamps = [str(start + np.timedelta64(2 * k, "ms")) for k in range(len(TIME))]
-    if comma:
-        stamps = [f"{2 * k}" for k in range(len(TIME))]
+    stamps = [f"{2 * k}" for k in range(len(TIME))] if comma else DATES
     text = _text(stamps, comma).replace("Pos A", "Pos A [°]").replace("Stamp", "Stamp (ms)")
     (tmp_path / "log.csv").write_text(text.replace("Tau B", "Tau B [mNm]"))
     proposed = proposed_map(tmp_path / "log.csv")

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from idim_iv_ros.recording.frozen_channels import frozen_efforts, frozen_positions, moving_speed
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
-
-FloatArray = NDArray[np.float64]
+from idim_iv_ros.types import BoolArray, FloatArray
 
 STEP = 0.1  # N m, of a coarse effort
 
@@ -29,7 +27,7 @@ def _counts(values: FloatArray, step: float) -> FloatArray:
     return np.asarray(np.round(values / step) * step)
 
 
-def _frozen(values: FloatArray, starts, length: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _frozen(values: FloatArray, starts, length: int) -> tuple[FloatArray, BoolArray]:
     frozen, where = values.copy(), np.zeros(len(values), dtype=bool)
     for start in starts:
         frozen[start : start + length] = frozen[start - 1]
@@ -43,8 +41,7 @@ def _frozen(values: FloatArray, starts, length: int) -> tuple[FloatArray, NDArra
 @pytest.mark.parametrize("count", [0.0, 1e-4, 1e-3])
 def test_a_coarse_channel_is_not_frozen_at_rest_in_creep_or_in_motion(rate, noise, step, count):
     position, effort = _motion(rate)
-    random = np.random.default_rng(3)
-    effort = effort + noise * (step or STEP) * random.normal(size=len(effort))
+    effort = effort + noise * (step or STEP) * np.random.default_rng(3).normal(size=len(effort))
     effort = _counts(effort, step) if step else effort
     position = _counts(position, count) if count else position
     speed = moving_speed(position)
@@ -76,8 +73,7 @@ def test_an_effort_that_is_updated_more_slowly_than_it_is_published_is_not_froze
     assert not frozen_efforts(source, position, moving_speed(position)).any()
     late = np.sort(random.choice(len(effort), len(effort) // 4, replace=False))
     irregular = effort[late[np.maximum(np.searchsorted(late, np.arange(len(effort))) - 1, 0)]]
-    marked = frozen_efforts(irregular, position, moving_speed(position))
-    assert marked.mean() < 2e-3
+    assert frozen_efforts(irregular, position, moving_speed(position)).mean() < 2e-3
 
 
 def test_an_effort_at_its_limit_is_not_frozen() -> None:

@@ -49,8 +49,7 @@ def _by_the_recorder(folder: Path) -> Path:
 
 @pytest.mark.parametrize("make", [_by_write_bag, _by_the_recorder])
 def test_one_bad_byte_costs_a_second_at_most(tmp_path: Path, make: Callable) -> None:
-    path = make(tmp_path)
-    content = path.read_bytes()
+    content = make(tmp_path).read_bytes()
     random = np.random.default_rng(1)
     places = {*range(60), *range(len(content) - 40, len(content))}
     places |= set(random.integers(0, len(content), 50).tolist())
@@ -70,8 +69,7 @@ def test_one_bad_byte_costs_a_second_at_most(tmp_path: Path, make: Callable) -> 
 
 def test_every_byte_of_the_records_between_chunks_may_be_wrong(tmp_path: Path) -> None:
     """Heads and indices, where a length leads astray: found by writing each byte anew."""
-    path = _by_write_bag(tmp_path)
-    content = path.read_bytes()
+    content = _by_write_bag(tmp_path).read_bytes()
     chunk = content.index(b"zstd", len(content) // 2) - 41
     size = 9 + int.from_bytes(content[chunk + 1 : chunk + 9], "little")
     for place in (*range(chunk, chunk + 60), *range(chunk + size, chunk + size + 40)):

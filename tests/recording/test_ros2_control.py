@@ -215,8 +215,7 @@ def test_a_joint_state_within_a_message_is_read_by_name(tmp_path: Path) -> None:
     bag = on_states(ControlBag())
     for stamp in STAMPS:
         inner = bag.joint_state(stamp, ["b", "a"], asked(stamp)[::-1], topic="")
-        message = bag.store.types[ARM](bag.header(stamp), "idle", inner)
-        bag.add("/arm/state", stamp, message)
+        bag.add("/arm/state", stamp, bag.store.types[ARM](bag.header(stamp), "idle", inner))
     recording = read(bag.write(tmp_path / "bag"), reference="/arm/state#desired_joint_state")
     assert np.array_equal(recording.position_reference.values, column(asked))
 

@@ -76,8 +76,7 @@ def test_pauses_keep_their_length_up_to_an_hour_and_equal_stamps_their_order(sta
 
 
 def test_overlapping_stamps_are_named_and_one_recording_needs_no_words() -> None:
-    overlapping = session_of([recording("b.mcap", 4.0), recording("a.mcap", 0.0)])
-    order, overlap = overlapping.sentences
+    order, overlap = session_of([recording("b.mcap", 4.0), recording("a.mcap", 0.0)]).sentences
     assert order.index("a.mcap") < order.index("b.mcap") and "b.mcap" in overlap
     assert session_of([recording("a", 7.0)]).sentences == ()
 

@@ -10,13 +10,8 @@ from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import Recording
 from tests.recording.bag_writer import TYPES, joint_state, write
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
 # By what they are shifted, which says from which topic values came.
 SHIFTS = {"/left": 0.0, "/right": 100.0, "": 200.0}
-
-
-def described(text: str) -> object:
-    return TYPES["std_msgs/msg/String"](data=text)
 
 
 def bag_of(folder: Path, *topics: str, storage: StoragePlugin = StoragePlugin.MCAP) -> Path:
@@ -24,7 +19,7 @@ def bag_of(folder: Path, *topics: str, storage: StoragePlugin = StoragePlugin.MC
     messages: list = []
     for topic in topics:
         if topic.endswith("robot_description"):
-            messages.append((topic, 6.0, described(topic)))
+            messages.append((topic, 6.0, TYPES["std_msgs/msg/String"](data=topic)))
             continue
         shift = SHIFTS[topic.rpartition("/")[0]]
         for k in range(100):
@@ -42,7 +37,6 @@ def read(bag: Path, **keywords: object) -> Recording:
 
 def shifts(recording: Recording) -> tuple[float, float]:
     """Of measurements and references."""
-    assert recording.position_reference is not None
     values = recording.position.values[0, 0], recording.position_reference.values[0, 0]
     return round(values[0] - 1.0), round(values[1] - 1.0)
 
@@ -73,19 +67,13 @@ def test_two_robots_in_one_bag_ask_which_is_meant(tmp_path: Path) -> None:
     assert whole.robot_description == "/right/robot_description"
 
 
-def test_who_asks_gets_the_robot_of_its_namespace(tmp_path: Path) -> None:
-    node_topics = {name: f"/right/{name}" for name in ("joint_states", "joint_reference")}
+@pytest.mark.parametrize("remapped", ["/left", "/right"])
+def test_who_asks_gets_the_robot_of_its_namespace_and_what_it_remaps(tmp_path, remapped) -> None:
+    topics = {"joint_states": "/right/joint_states"}
+    topics["joint_reference"] = f"{remapped}/joint_reference"
     bag = bag_of(tmp_path, *LEFT, *RIGHT, *ROOT)
-    assert shifts(read(bag, own_topics=node_topics)) == (100.0, 100.0)
+    assert shifts(read(bag, resolved_topics=topics)) == (100.0, SHIFTS[remapped])
     assert shifts(read(bag)) == (200.0, 200.0)
-
-
-def test_a_remapped_topic_is_found_by_who_remaps_it(tmp_path: Path) -> None:
-    node_topics = {
-        "joint_states": "/right/joint_states",
-        "joint_reference": "/left/joint_reference",
-    }
-    assert shifts(read(bag_of(tmp_path, *LEFT, *RIGHT), own_topics=node_topics)) == (100.0, 0.0)
 
 
 def test_the_reference_of_another_robot_is_not_taken(tmp_path: Path) -> None:

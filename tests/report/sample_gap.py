@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.result.causes import (
@@ -33,8 +32,8 @@ from idim_iv_ros.diagnosis.result.recordings import (
     JointTorque,
 )
 from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Case = Literal["none", "parametric", "structural", "both", "unknown"]
 CASES: tuple[Case, ...] = ("none", "parametric", "structural", "both", "unknown")
 
@@ -57,7 +56,6 @@ def sample_gap(
     floor: bool = True,
     tracking: bool = True,
     seconds: float = 60.0,
-    seed: int = 1,
     first: str = "joint_1",
 ) -> GapResult:
     """Return a diagnosis of a robot with `joints` joints.
@@ -73,7 +71,7 @@ def sample_gap(
         Name of the first joint.
     """
     names = (first, *(f"joint_{k + 1}" for k in range(1, joints)))
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(1)
     series = tuple(
         _series(k, names, case, given, int(seconds / STEP), random) for k in range(joints)
     )

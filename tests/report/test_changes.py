@@ -32,13 +32,11 @@ def nominal() -> Nominal:
 
 
 def _of(robot: DynamicParameters, nominal: Nominal) -> np.ndarray:
-    assert nominal.model is not None
     return nominal.model.base.from_standard(nominal.model.regressor.layout.vector(robot))
 
 
 def _diagnosis(values: np.ndarray, nominal: Nominal) -> GapResult:
     """A diagnosis of arm6 whose extended model has these base parameters."""
-    assert nominal.model is not None
     base = nominal.model.base
     return replace(
         sample_gap(6, "parametric"),
@@ -52,7 +50,6 @@ def _diagnosis(values: np.ndarray, nominal: Nominal) -> GapResult:
 
 
 def test_a_changed_element_is_the_only_significant_row_of_its_kind(nominal: Nominal) -> None:
-    assert nominal.model is not None
     given = nominal.model.robot.given
     coulomb, inertia = given.coulomb.copy(), given.drive_inertia.copy()
     coulomb[3] += 0.3
@@ -67,7 +64,6 @@ def test_a_changed_element_is_the_only_significant_row_of_its_kind(nominal: Nomi
 
 
 def test_what_is_grouped_with_another_parameter_is_only_a_sum(nominal: Nominal) -> None:
-    assert nominal.model is not None
     given = nominal.model.robot.given
     inertia = given.drive_inertia.copy()
     inertia[0] += 0.5  # Ia1 cannot be separated from ZZ1
@@ -114,11 +110,8 @@ def test_measured_numbers_are_shown_with_their_intervals_and_units() -> None:
             elastic_share=0.9,
         )
     )
-    assert "N m/rad" in text
-    assert "0.500" in text
-    assert "3.000" in text
-    assert "no elasticity" in text
-    assert "transmission-0" in text
+    for part in ("N m/rad", "0.500", "3.000", "no elasticity", "transmission-0"):
+        assert part in text
 
 
 def test_a_bound_and_the_reason_stand_where_nothing_is_measured() -> None:
@@ -180,25 +173,22 @@ def test_a_number_has_three_digits(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
-def test_counts_are_grouped_from_five_digits_on() -> None:
-    assert count(4761) == "4761"
-    assert count(90001) == f"90{T}001"
-
-
-def test_settings_keep_just_the_digits_they_were_given_with() -> None:
-    assert exact(50.0, "Hz") == f"50{T}Hz"
-    assert exact(166.6666667, "Hz") == f"166.667{T}Hz"
-
-
-def test_a_tiny_p_value_is_only_called_small() -> None:
-    assert p_value(3e-88) == "<\N{NO-BREAK SPACE}0.0001"
-    assert p_value(0.0314) == "0.031"
-    assert p_value(None) == MISSING
-
-
-def test_a_share_beyond_measure_is_only_called_large() -> None:
-    assert percent(132.4) == f"132{T}%"
-    assert percent(5e4) == f"> 1000{T}%"
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (count(4761), "4761"),  # grouped from five digits on
+        (count(90001), f"90{T}001"),
+        (exact(50.0, "Hz"), f"50{T}Hz"),  # the digits that a setting was given with
+        (exact(166.6666667, "Hz"), f"166.667{T}Hz"),
+        (p_value(3e-88), "<\N{NO-BREAK SPACE}0.0001"),
+        (p_value(0.0314), "0.031"),
+        (p_value(None), MISSING),
+        (percent(132.4), f"132{T}%"),
+        (percent(5e4), f"> 1000{T}%"),
+    ],
+)
+def test_counts_settings_p_values_and_shares_in_figures(text: str, expected: str) -> None:
+    assert text == expected
 
 
 ALONE = session_axis([])
@@ -228,8 +218,7 @@ def test_an_hour_becomes_a_few_thousand_points_that_keep_the_peak() -> None:
 
 def test_lines_are_interrupted_where_samples_do_not_count() -> None:
     time = np.array([0.0, 0.1, 0.2, 0.6, 0.7])
-    series = JointSeries("joint_1", time, np.arange(5.0), np.zeros(5))
-    thinned = _thin(series, ALONE)
+    thinned = _thin(JointSeries("joint_1", time, np.arange(5.0), np.zeros(5)), ALONE)
     np.testing.assert_array_equal(thinned.gaps, [[0.2, 0.6]])
     np.testing.assert_array_equal(thinned.values[0], [0.0, 1.0, 2.0, np.nan, 3.0, 4.0])
 
@@ -237,17 +226,11 @@ def test_lines_are_interrupted_where_samples_do_not_count() -> None:
 TWO = session_axis([SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)])
 
 
-def _two(pause: float = 0.0) -> JointSeries:
+def test_no_line_runs_from_one_recording_to_the_next() -> None:
     """A hundred rows a second in two recordings, with no row left out in between."""
     time = np.arange(202) / 100.0
-    time[101:] += pause
-    return JointSeries("joint_1", time, np.sin(time), np.zeros(202))
-
-
-def test_no_line_runs_from_one_recording_to_the_next() -> None:
-    thinned = _thin(_two(), TWO)
-    breaks = np.flatnonzero(np.isnan(thinned.values[0]))
-    assert list(breaks) == [101]
+    thinned = _thin(JointSeries("joint_1", time, np.sin(time), np.zeros(202)), TWO)
+    assert list(np.flatnonzero(np.isnan(thinned.values[0]))) == [101]
     assert np.isnan(thinned.values[1][101])
     assert len(thinned.gaps) == 0  # nothing was left out between the two
 
@@ -262,20 +245,9 @@ _NUMBERS = [None, *_SIZES, *(-size for size in _SIZES)]
 
 @pytest.mark.parametrize("value", _NUMBERS)
 def test_every_number_can_be_written_beside_any_uncertainty(value: float | None) -> None:
+    units = [write(value, "N m") for write in (numerals.with_unit, exact)]
+    alone = [*units, number(value), percent(value), p_value(value)]
     for std in _NUMBERS:
-        require_written(value, std)
-
-
-def require_written(value: float | None, std: float | None) -> None:
-    texts = [
-        *numerals.measured(value, std),
-        numerals.with_digits_of(value, std),
-        numerals.number(value),
-        numerals.percent(value),
-        numerals.p_value(value),
-        numerals.with_unit(value, "N m"),
-        numerals.exact(value, "N m"),
-    ]
-    finite = value is not None and math.isfinite(value)
-    assert (texts[0] == numerals.MISSING) is not finite
-    assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)
+        texts = [*measured(value, std), numerals.with_digits_of(value, std), *alone]
+        assert (texts[0] == MISSING) is not (value is not None and math.isfinite(value))
+        assert all("nan" not in text and "inf" not in text and len(text) < 60 for text in texts)

@@ -99,7 +99,6 @@ def test_recordings_that_differ_in_something_named_come_before_any_cause(named: 
 )
 def test_what_changed_ends_in_a_diagnosis(differs: bool, bags: str, out: str) -> None:
     contrast = sample_contrast().contrast
-    assert contrast is not None
     files = Files("arm2.yaml", bags=("x/b1", "x/b2"))
     steps = contrast_steps(replace(contrast, differs=differs), files)
     assert steps[0].code == f"idim-iv diagnose {bags} --config arm2.yaml --out {out}"

@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -27,9 +28,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch) -> None:
     write_report(sample_gap(2, "none"), tmp_path)
     before = _files(tmp_path)
 
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
+    full = Mock(side_effect=OSError(28, "No space left on device"))
     monkeypatch.setattr(os, "fsync", full)
     for out in (tmp_path, tmp_path / "new" / "deep"):
         with pytest.raises(UsageError, match=r"No space left on device; .*--out"):
@@ -42,13 +41,8 @@ def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(tmp_path, mo
     """And no page of an earlier result is left beside the new numbers."""
     _, (numbers, written) = _written(command, tmp_path, 2)
     assert written is not None
-    before, calls = numbers.read_bytes(), []
-
-    def full(_: int) -> None:
-        calls.append(_)
-        if len(calls) > 1:
-            raise OSError(28, "No space left on device")
-
+    before = numbers.read_bytes()
+    full = Mock(side_effect=[None, *[OSError(28, "No space left on device")] * 9])
     monkeypatch.setattr(os, "fsync", full)
     lines, (numbers, written) = _written(command, tmp_path, 3)
     assert written is None
@@ -71,16 +65,14 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
     which = {"identify": "IDENTIFICATION", "diagnose": "DIAGNOSIS"}[command]
     sections = getattr(page, which)
     _, (_, whole) = _written(command, tmp_path / "whole", 2)
-    assert whole is not None
     there = _anchors(whole.read_text(encoding="utf-8"), sections)
     # Transmissions, a contrast and notes are not of every recording.
     assert len(there) > len(sections) / 2
     for number, section in enumerate(sections):
-        broken = replace(section, context=_fails)
+        broken = replace(section, context=Mock(side_effect=ValueError("no negative\nelements")))
         monkeypatch.setattr(page, which, (*sections[:number], broken, *sections[number + 1 :]))
         lines, (numbers, written) = _written(command, tmp_path / section.anchor, 2)
         assert json.loads(numbers.read_text(encoding="utf-8"))["robot"]
-        assert written is not None
         text = written.read_text(encoding="utf-8")
         assert text.count("negative elements") == 1
         assert f"All numbers are in {numbers.name}." in text
@@ -88,10 +80,6 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
         (line,) = lines
         assert section.title in line
         monkeypatch.undo()
-
-
-def _fails(_: object) -> None:
-    raise ValueError("'list' argument must have no negative\nelements")
 
 
 def _written(command: str, out: Path, joints: int):

@@ -85,8 +85,7 @@ def mortal_recorder(
     """Start a recorder for one test; the observer follows it."""
 
     def start(**parameters: object) -> Process:
-        values = {"bag_directory": str(bags), **parameters}
-        process = start_recorder(tmp_path, **values)
+        process = start_recorder(tmp_path, **{"bag_directory": str(bags), **parameters})
         stack.callback(process.end)
         observer.follow(process)
         return process

@@ -103,8 +103,7 @@ def _node(*, package: str, executable: str, **keywords: object):
             else str(_text(layer, launched))
             for layer in keywords["parameters"]
         ]
-        node = {**keywords, "parameters": layers, "action": visit}
-        launched.nodes.append((executable, node))
+        launched.nodes.append((executable, {**keywords, "parameters": layers, "action": visit}))
 
     return visit
 

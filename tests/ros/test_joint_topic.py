@@ -129,7 +129,6 @@ def test_positions_are_read_from_a_named_field_of_any_type(
         return places.last is not None
 
     observer.until(heard, "positions")
-    assert places.last is not None
     assert places.last.position.tolist() == [1.0, 2.0]
     assert places.age() < float("inf")
     assert places.problem == ""
@@ -151,7 +150,6 @@ def test_old_news_is_no_news(observer: Observer, stack: ExitStack) -> None:
     publisher.publish(message)
     observer.until(lambda: places.last is not None, "positions")
     first = places.last
-    assert first is not None
     assert first.position.tolist() == [1.0, 2.0]
     publisher.publish(message)
     publisher.wait_for_all_acked(ALL)

@@ -114,12 +114,9 @@ def test_collector_and_predictor_are_started_on_request() -> None:
     assert sorted(launched) == ["collector", "identifier", "predictor", "recorder"]
     assert launched["collector"] == {"configuration": "arm.yaml", "controller": "arm_controller"}
     # The predictor looks where the identifier writes.
-    launched = launch(FILES["robots"], robots="left", **GIVEN, predict="true")
-    results = {
-        executable: node["parameters"][0].get("output_directory")
-        for executable, node in launched.nodes
-    }
-    assert results["predictor"] == results["identifier"] == "results/left"
+    nodes = launched_nodes(FILES["robots"], robots="left", **GIVEN, predict="true")
+    for name in ("predictor", "identifier"):
+        assert nodes[name]["output_directory"] == "results/left"
 
 
 def test_what_to_do_next_with_a_collector_and_a_predictor() -> None:
@@ -166,18 +163,17 @@ def test_demo_discovers_on_this_machine_only() -> None:
 
 @pytest.fixture
 def mine(tmp_path: Path):
-    """Write a file of parameters."""
+    """Write a file of parameters: text, or parameters by section."""
 
-    def write(text: str) -> str:
+    def write(content: str | dict[str, dict[str, object]]) -> str:
         path = tmp_path / "my parameters.yaml"
-        path.write_text(text)
+        if not isinstance(content, str):
+            sections = {name: {"ros__parameters": given} for name, given in content.items()}
+            content = json.dumps(sections)
+        path.write_text(content)
         return str(path)
 
     return write
-
-
-def section(name: str, **parameters: object) -> str:
-    return json.dumps({name: {"ros__parameters": parameters}})[1:-1] + "\n"
 
 
 def resolved(folder: Path, name: str, **arguments: str) -> dict[str, dict[str, object]]:
@@ -202,18 +198,13 @@ def resolved(folder: Path, name: str, **arguments: str) -> dict[str, dict[str, o
 
 
 def test_folders_of_several_robots_are_in_those_that_the_file_names(tmp_path, mine) -> None:
-    file = mine(
-        "{"
-        + ",".join(
-            [
-                section("/**", use_sim_time=False),
-                section("/**/recorder", bag_directory="/data/my bags", configuration="other.yaml"),
-                section("/**/identifier", bag_directory="/data/my bags"),
-                section("/right/identifier", output_directory="/elsewhere"),
-            ]
-        )
-        + "}"
-    )
+    content = {
+        "/**": {"use_sim_time": False},
+        "/**/recorder": {"bag_directory": "/data/my bags", "configuration": "other.yaml"},
+        "/**/identifier": {"bag_directory": "/data/my bags"},
+        "/right/identifier": {"output_directory": "/elsewhere"},
+    }
+    file = mine(content)
     given = resolved(tmp_path, "robots", robots="left,right", **GIVEN, params_file=file)
     for side, results in (("left", "results/left"), ("right", "/elsewhere")):
         bags = f"/data/my bags/{side}"
@@ -232,7 +223,7 @@ def test_collector_of_a_simulated_robot_waits_longer_unless_the_file_says_otherw
 ) -> None:
     simulated = {**GIVEN, "collect": "true", "simulate": "true"}
     assert resolved(tmp_path, "robot", **simulated)["/collector"]["stale_after"] == 2.0
-    file = mine(f"{{{section('/**/collector', stale_after=0.5, configuration='other.yaml')}}}")
+    file = mine({"/**/collector": {"stale_after": 0.5, "configuration": "other.yaml"}})
     given = resolved(tmp_path, "robot", **simulated, params_file=file)
     assert given["/collector"] == {"configuration": "arm.yaml", "stale_after": 0.5}
     given = resolved(tmp_path, "robot", **GIVEN, collect="true")
@@ -252,16 +243,10 @@ def test_launch_file_is_loaded_by_launch(name: str) -> None:
     pytest.importorskip("launch_ros", reason="launch is part of a ROS 2 installation")
     from launch.launch_description_sources import get_launch_description_from_python_launch_file
 
-    description = get_launch_description_from_python_launch_file(str(FILES[name]))
-    assert description.entities
+    assert get_launch_description_from_python_launch_file(str(FILES[name])).entities
 
 
 FILE = ROOT / "params" / "nodes.yaml"
-
-
-def listed_in(node: str) -> dict[str, object]:
-    document = YAML(typ="safe").load(FILE.read_text())
-    return document[f"/**/{node}"]["ros__parameters"]
 
 
 @pytest.mark.parametrize("node", SETTINGS)
@@ -273,7 +258,7 @@ def test_file_lists_every_parameter_with_its_default(node: str) -> None:
     if node in ("predictor", "robot_simulator"):
         assert defaults.pop("configuration") == ""  # must be given
     assert MISSING not in defaults.values()
-    listed = listed_in(node)
+    listed = YAML(typ="safe").load(FILE.read_text())[f"/**/{node}"]["ros__parameters"]
     lines = FILE.read_text().partition(f"/**/{node}:")[2].splitlines()
     for name in listed.keys() - {"use_sim_time"}:
         line = next(line for line in lines if line.strip().startswith(f"{name}:"))
@@ -294,12 +279,12 @@ def test_groups_of_the_aggregator_hold_every_status() -> None:
     def group(status: str) -> list[str]:
         return [name for name, parts in words.items() if any(word in status for word in parts)]
 
-    for status in ("/recorder: recording", "/left/recorder: /left/joint_states"):
-        assert group(status) == ["recordings"]
-    for status in ("/predictor: prediction", "/left/predictor: joint_2"):
-        assert group(status) == ["predictions"]
-    for status in ("/identifier: drift", "/left/identifier: joint_2"):
-        assert group(status) == ["identifications"]
+    for expected, *statuses in (
+        ("recordings", "/recorder: recording", "/left/recorder: /left/joint_states"),
+        ("predictions", "/predictor: prediction", "/left/predictor: joint_2"),
+        ("identifications", "/identifier: drift", "/left/identifier: joint_2"),
+    ):
+        assert [group(status) for status in statuses] == [[expected]] * 2
 
 
 FIELDS = set(Prediction.get_fields_and_field_types())

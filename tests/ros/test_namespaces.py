@@ -71,8 +71,7 @@ def test_two_recorders_record_each_its_own_robot(
     closed = {}
     for side, process in recorders.items():
         observer.follow(process)
-        states = f"/{side}/joint_states"
-        observer.received(sent, states)
+        observer.received(sent, f"/{side}/joint_states")
         observer.received(1, "/robot_description")
         # The global description does where the namespace has none: no warning for either.
         observer.diagnosed(f"/{side}/robot_description", " Hz", 0)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
@@ -16,7 +15,7 @@ from idim_iv_interfaces.msg import IdentificationResult, Prediction
 from idim_iv_ros.nodes.predictor.node import Predictor, colour_of, residual_markers
 from tests.prediction.arm6 import YAML, configured, recorded, write_result
 from tests.ros.conftest import another_context
-from tests.ros.processes import Observer
+from tests.ros.processes import LATCHED, Observer
 
 JOINTS = configured().robot.joints
 START = 1_700_000_000 * 10**9  # ns
@@ -61,8 +60,7 @@ class PlayedRobot:
             message = JointState(name=self.names)
             message.header.stamp = Time(sec=sec, nanosec=nanosec)
             message.position = [0.0, *self.position[row, self.order].tolist()]
-            effort = [0.0, *self.effort[row, self.order].tolist()]
-            message.effort = effort
+            message.effort = [0.0, *self.effort[row, self.order].tolist()]
             self.publisher.publish(message)
 
 
@@ -142,8 +140,7 @@ def robot(observer: Observer) -> PlayedRobot:
 
 
 def announce(observer: Observer, file: str, stamp: int):
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    publisher = observer.node.create_publisher(IdentificationResult, "/identifier/result", latched)
+    publisher = observer.node.create_publisher(IdentificationResult, "/identifier/result", LATCHED)
     message = IdentificationResult(files=[file])
     message.parameters.header.stamp.sec = stamp
     publisher.publish(message)

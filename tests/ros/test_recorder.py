@@ -1,7 +1,6 @@
 """What a user of the recorder relies on."""
 
 import os
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,8 +13,6 @@ from nav_msgs.msg import Odometry
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import Temperature
 
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.read import read_recordings
 from tests.ros.processes import Process, numbers, only_bag
 
@@ -239,15 +236,3 @@ def test_a_topic_whose_package_is_not_installed_is_named_once(
     observer.next_status()
     assert process.errors.read_text().count(words) == 1
     observer.node.destroy_publisher(odometry)
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"extra_topics": ("/a b",)}, "extra_topics: '/a b' is no name of a topic"),
-        ({"extra_topics_regex": "("}, "extra_topics_regex: no regular expression"),
-    ],
-)
-def test_wrong_values_are_refused_in_one_line(values, words: str) -> None:
-    with pytest.raises(UsageError, match=re.escape(words)):
-        RecorderSettings(**values).check()

@@ -204,5 +204,4 @@ def test_torque_of_the_simulation_is_that_of_the_catalogue(case):
     assert len(extra) > 1000
     size = np.sqrt(np.mean(expected**2))
     assert size > 0.01
-    error = np.sqrt(np.mean((extra - expected) ** 2))
-    assert error < case.tolerance * size
+    assert np.sqrt(np.mean((extra - expected) ** 2)) < case.tolerance * size

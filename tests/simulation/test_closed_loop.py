@@ -78,8 +78,7 @@ def arm():
 
 
 def test_a_disturbance_acts_on_the_joints_and_is_not_commanded(arm):
-    random = np.random.default_rng(5)
-    disturbance = random.normal(size=arm.position_reference.shape) * 2.0
+    disturbance = np.random.default_rng(5).normal(size=arm.position_reference.shape) * 2.0
     result = followed(arm, disturbance=disturbance)
     needed = inverse_dynamics(
         arm.robot, arm.truth, result.position, result.velocity, result.acceleration
@@ -166,7 +165,6 @@ def test_saturated_torque_stays_at_its_limit_and_the_integral_does_not_wind_up()
 def test_a_loop_that_runs_away_says_which_joint_and_when(arm):
     law = dataclasses.replace(arm.law, kd=-arm.law.kd, torque_limit=np.full(7, np.inf))
     result = followed(arm, law=law)
-    assert result.diverged is not None
     assert result.diverged.startswith("joint joint_") and "passed 1000 rad/s at " in result.diverged
     assert len(result.position) < len(arm.position_reference)
     for values in (result.position, result.velocity, result.acceleration, result.torque):

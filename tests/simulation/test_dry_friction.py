@@ -18,8 +18,7 @@ def block(friction):
     """2 kg on a slope of 0.4 rad, x up the slope."""
     robot = random_robot(0, [0], [True])
     robot.pinocchio.jointPlacements[1] = pin.SE3.Identity()
-    axis = np.array([0.0, 1.0, 0.0])
-    robot.pinocchio.gravity.linear = -SLOPE * axis
+    robot.pinocchio.gravity.linear = -SLOPE * np.array([0.0, 1.0, 0.0])
     inertial = np.zeros((1, 10))
     inertial[0, 0] = 2.0
     return robot, dataclasses.replace(robot.given, inertial=inertial, coulomb=np.array([friction]))

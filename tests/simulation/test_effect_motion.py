@@ -48,8 +48,7 @@ def test_a_resting_joint_breaks_away_at_the_raised_level_only(effect):
     robot, parameters = disc(coulomb=2.0)
     raised = on(robot, **effect)
     push = np.linspace(0.0, 2.999, 2000)
-    resting = driven(robot, parameters, push, raised)
-    assert np.all(resting.position == 0.0)
+    assert np.all(driven(robot, parameters, push, raised).position == 0.0)
     assert np.all(driven(robot, parameters, -push, raised).position == 0.0)
     moved = driven(robot, parameters, np.linspace(2.0, 3.05, 2000), raised)
     first = np.flatnonzero(moved.velocity)[0]
@@ -116,8 +115,7 @@ def test_load_friction_holds_what_it_can_and_lets_go_of_the_rest():
     inertial = parameters.inertial.copy()
     inertial[0, :4] = [1.0, 0.2, 0.3, 0.1]
     parameters = dataclasses.replace(parameters, inertial=inertial)
-    still = driven(robot, parameters, np.zeros(2))
-    load = -2.0 * still.acceleration[0, 0]
+    load = -2.0 * driven(robot, parameters, np.zeros(2)).acceleration[0, 0]
     assert abs(load) > 0.5
     friction = on(robot, "load_dependent_friction", driving=0.5, driven=0.2)
     for share, moves in ((0.81, False), (1.0, False), (1.49, False), (1.6, True), (0.7, True)):
@@ -161,10 +159,7 @@ def test_elastic_arm_moves_as_with_pinocchio():
     y0 = np.concatenate([start, link, zero, zero])
     exact = solve_ivp(motion, (0.0, 1.0), y0, rtol=1e-10, atol=1e-12).y[:, -1].reshape(4, 2)
     effects = [
-        SimulatedEffect(
-            "elasticity", robot.joints[j], {"stiffness": stiffness[j], "damping": damping[j]}
-        )
-        for j in (0, 1)
+        on(robot, "elasticity", joint=j, stiffness=stiffness[j], damping=damping[j]) for j in (0, 1)
     ]
     result = simulate_closed_loop(
         robot, parameters, pd(kp, [kd, kd], period=1e-4), rate=1000.0,
@@ -211,15 +206,13 @@ def test_backlash_moves_the_motor_alone_until_the_gap_is_closed():
         robot, parameters, np.full(1000, 1.0), on(robot, "backlash", gap=0.02, damping=0.0)
     )
     time = np.arange(1000) / 1000.0
-    closed = np.sqrt(2.0 * 0.01 * 0.4)
-    free = time < closed
+    free = time < np.sqrt(2.0 * 0.01 * 0.4)
     np.testing.assert_allclose(result.position[free, 0], 0.5 * time[free] ** 2 / 0.4, atol=1e-9)
     assert np.all(result.link_position[free] == 0.0)
     # Elastic flanks lose nothing; momentum is that of the push, whatever bounces.
     momentum = 0.4 * result.velocity[:, 0] + 1.6 * result.link_velocity[:, 0]
     np.testing.assert_allclose(momentum, time, atol=1e-9)
-    twist = np.abs(result.position - result.link_position)
-    assert 0.01 < twist.max() < 0.0105
+    assert 0.01 < np.abs(result.position - result.link_position).max() < 0.0105
 
 
 def test_the_motor_gives_what_gain_and_saturation_leave_of_the_command():

@@ -53,7 +53,6 @@ class Case:
 
     @property
     def standard(self) -> dict[str, float]:
-        assert self.gap.physical is not None
         return self.gap.physical.values
 
 
@@ -96,7 +95,6 @@ def case(
     if isinstance(configuration, str):
         configuration = load_configuration(CONFIG / f"{configuration}.yaml")
     file = configuration.robot.description
-    assert file is not None
     model = build_inverse_model(configuration, read_urdf_file(file), file.name)
     random = np.random.default_rng(3)
     values = model.given * (1.0 + change * random.uniform(-1.0, 1.0, len(model.given)))

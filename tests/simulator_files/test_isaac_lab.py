@@ -137,8 +137,7 @@ def test_draws_are_bodies_about_the_exported_ones(arm, drawn) -> None:
 def test_what_the_recording_shows_hardly_varies(drawn) -> None:
     """Torques stay within 2 %, the covariance's, though parts of them vary by more."""
     _, draws = drawn
-    random = np.random.default_rng(1)
-    states = random.uniform(-1.5, 1.5, (20, 3, 7))
+    states = np.random.default_rng(1).uniform(-1.5, 1.5, (20, 3, 7))
     together = np.array([[torque(drawn, *state) for state in states] for drawn in draws])
     assert together.std(axis=0).mean() < 0.02 * np.sqrt(np.mean(together**2))
 

@@ -79,8 +79,7 @@ def test_drag_with_a_whole_power_is_the_joints_damping(tmp_path: Path, power: fl
     planted = cause("nonlinear_viscous", "joint_1", coefficient=0.8, power=power)
     arm = case(tmp_path, "arm2", [planted])
     model = compiled(arm, tmp_path / "out")
-    effects = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
-    assert effects[0]["native"]
+    assert json.loads((tmp_path / "out" / "effects.json").read_text())["effects"][0]["native"]
     linear = arm.standard["Fv1"]
     for speed in (0.5, -1.5):
         drag = 0.8 * abs(speed) ** power * np.sign(speed)
@@ -141,8 +140,7 @@ def test_a_drive_that_saturates_hard_has_a_smaller_limit(tmp_path: Path) -> None
 
 def test_gains_that_the_robot_really_has_take_the_place_of_those_configured(tmp_path) -> None:
     arm = case(tmp_path, "arm2", [cause("controller_mismatch", "joint_2", kp=123.0)])
-    model = compiled(arm, tmp_path / "out")
-    assert model.actuator("joint_2").gainprm[0] == 123.0
+    assert compiled(arm, tmp_path / "out").actuator("joint_2").gainprm[0] == 123.0
     lag = case(tmp_path, "arm2", [cause("controller_mismatch", "joint_2", kp=123.0, lag=0.01)])
     assert lag.export(tmp_path / "lag").not_native[0] == "controller_mismatch at joint_2"
 
@@ -167,7 +165,6 @@ def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_pa
     """URDF, model and effects together are the robot that was found: −0.4 v + 0.9 |v| v."""
     planted = cause("nonlinear_viscous", "joint_1", coefficient=0.9, power=2.0)
     arm = case(tmp_path, "arm2", [planted])
-    assert arm.gap.physical is not None
     parameters = tuple(
         replace(entry, value=-0.4) if entry.name == "Fv1" else entry
         for entry in arm.gap.physical.parameters

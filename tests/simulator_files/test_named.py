@@ -121,7 +121,6 @@ def test_what_remains_stays_where_a_cause_is_left_out(arm: Case, tmp_path: Path)
     links = slice(0, models[2].nbody)
     np.testing.assert_array_equal(models[1].body_mass[links], models[2].body_mass)
     np.testing.assert_array_equal(models[1].dof_frictionloss, models[2].dof_frictionloss)
-    assert arm.gap.physical is not None
     estimate = {item.name: item for item in arm.gap.physical.base}
     names = [name for name in estimate if name[:2] in ("Fv", "Fc") and name[2] != "4"]
     for model, most in zip(models, (8.0, 1.0), strict=False):
@@ -164,8 +163,7 @@ def test_what_is_not_shown_of_a_payload_is_that_of_a_ball_of_water(tmp_path: Pat
 
 
 def test_a_missing_part_is_taken_out_of_its_link(tmp_path: Path) -> None:
-    arm = case(tmp_path, "arm7")
-    given = arm.model.robot.given.inertial[6]
+    given = case(tmp_path, "arm7").model.robot.given.inertial[6]
     lighter = parametric("payload", "joint_7", 1e-9, mass=-0.1 * float(given[0]))
     made = case(tmp_path, "arm7", [lighter]).export(tmp_path / "out", refit=False)
     model = mujoco.MjModel.from_xml_path(str(made.mjcf))

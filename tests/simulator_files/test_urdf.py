@@ -32,8 +32,7 @@ def decorated(tmp_path: Path) -> Case:
 def test_inverse_dynamics_in_pinocchio_are_the_regressor_times_the_parameters(tmp_path) -> None:
     """Seven joints, pinocchio's own reader and RNEA; friction and drives by hand."""
     arm = case(tmp_path, "arm7")
-    made = arm.export(tmp_path / "out")
-    model = pin.buildModelFromUrdf(str(made.urdf))
+    model = pin.buildModelFromUrdf(str(arm.export(tmp_path / "out").urdf))
     data = model.createData()
     names, values = arm.model.regressor.layout.names, arm.standard
     standard = np.array([values[name] for name in names])

@@ -13,10 +13,11 @@ import pytest
 
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.simulation import SimulatedEffect, simulate_closed_loop
+from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.mujoco import STIFFEST, Effects, model_with_effects
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP, References, run_in_mujoco
 from idim_iv_ros.simulators.mujoco_parts import add_motors, add_parts, plant_spec, set_inertias
+from tests.simulation.laws import followed
 from tests.simulation.test_effects import FORMULAS
 
 JOINTS = ("joint_1", "joint_2")
@@ -49,8 +50,7 @@ def opposing(model: mujoco.MjModel, effects: Effects, q: float, dq: float) -> fl
     effects.reset()
     effects.apply(model, data)
     mujoco.mj_forward(model, data)
-    balance = data.qfrc_applied + data.qfrc_passive + data.qfrc_constraint
-    return -float(balance[0])
+    return -float((data.qfrc_applied + data.qfrc_passive + data.qfrc_constraint)[0])
 
 
 @pytest.mark.parametrize("name", FORMULAS)
@@ -171,27 +171,13 @@ def arm():
     return arm2(seconds=1.5)
 
 
-@pytest.mark.parametrize("name", MOTIONS)
-def test_the_motion_is_that_of_the_other_simulator(name: str, arm) -> None:
-    motion_is_the_same(arm, MOTIONS[name])
-
-
-def motion_is_the_same(arm, effects: list[SimulatedEffect]) -> None:
+@pytest.mark.parametrize("effects", MOTIONS.values(), ids=MOTIONS)
+def test_the_motion_is_that_of_the_other_simulator(effects: list[SimulatedEffect], arm) -> None:
     start, speed = arm.position_reference[0], arm.velocity_reference[0]
     references = References(
         arm.rate, arm.position_reference, arm.velocity_reference, start, speed, 0.0
     )
-    compiled_loop = simulate_closed_loop(
-        arm.robot,
-        arm.truth,
-        arm.law,
-        rate=arm.rate,
-        position_reference=arm.position_reference,
-        velocity_reference=arm.velocity_reference,
-        initial_position=start,
-        initial_velocity=speed,
-        effects=effects,
-    )
+    compiled_loop = followed(arm, *effects)
     spec = plant_spec(mujoco, arm.robot, arm.truth)
     add_motors(mujoco, spec, JOINTS)
     add_parts(spec, effects)

@@ -19,8 +19,7 @@ from tests.inputs import changed
 
 
 def configured(name: str, **simulated: object) -> Configuration:
-    configuration = load_configuration(CONFIG / f"{name}.yaml")
-    return changed(configuration, "simulated_robot", **simulated)
+    return changed(load_configuration(CONFIG / f"{name}.yaml"), "simulated_robot", **simulated)
 
 
 @pytest.fixture(scope="module")

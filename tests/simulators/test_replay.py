@@ -91,7 +91,6 @@ def truth(configuration: Configuration, tmp_path_factory: pytest.TempPathFactory
 
 def inverse_model(configuration: Configuration) -> InverseModel:
     urdf = configuration.robot.urdf
-    assert urdf is not None
     return build_inverse_model(configuration, read_urdf_file(urdf), urdf.name)
 
 
@@ -130,7 +129,6 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, conf
     result = replay_bags(bag, configuration, effects=truth)
     assert [stage.name for stage in result.stages] == ["nominal", "corrected", "with effects"]
     nominal, corrected, affected = (stage.tracking for stage in result.stages)
-    assert nominal is not None and corrected is not None and affected is not None
     errors = [stage["joint_1"].rms for stage in (nominal, corrected, affected)]
     assert errors[0] > 1.5 * errors[1] > 6.0 * errors[2]
     assert result.tracking_noise["joint_1"] == pytest.approx(2e-5, rel=0.3)
@@ -138,31 +136,27 @@ def test_errors_shrink_from_nominal_over_corrected_to_the_noise(bag, truth, conf
         assert affected[joint].over_noise < 1.0
         assert affected[joint].low <= affected[joint].rms <= affected[joint].high
         assert result.torque_noise[joint] == pytest.approx(level, rel=0.15)
-        torque = result.stages[2].torque
         # The filter lets a tenth of the white noise of the torque through, no more is left.
-        assert torque is not None and torque[joint].over_noise < 0.5
+        assert result.stages[2].torque[joint].over_noise < 0.5
     text = result.to_json()
     assert ReplayResult.from_json(text, "replay.json").to_json() == text
 
 
 def test_an_mjcf_is_the_corrected_model(bag, truth, configuration, tmp_path) -> None:
     """The true arm in a file with actuators of its own, which the law takes the place of."""
-    arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth)
+    text = mjcf(simulated_arms.arm2(seconds=4.0).truth)
     path = tmp_path / "arm2.xml"
     path.write_text(text, encoding="utf-8")
     result = replay_bags(bag, configuration, model=path, effects=truth)
     assert result.model == str(path)
     tracking = result.stages[2].tracking
-    assert tracking is not None
     # MuJoCo's dry friction is as soft as the file has it at joints without effects.
     assert tracking["joint_1"].over_noise < 1.0 and tracking["joint_2"].over_noise < 5.0
 
 
 def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_path) -> None:
     """Actuators of the replay are motors, whatever the defaults of the file."""
-    arm = simulated_arms.arm2(seconds=4.0)
-    text = mjcf(arm.truth)
+    text = mjcf(simulated_arms.arm2(seconds=4.0).truth)
     default = '<default><general ctrlrange="-1 1" biastype="affine" biasprm="0 -9"/></default>'
     path, effects = tmp_path / "arm2.xml", tmp_path / "stribeck.json"
     path.write_text(text.replace("<mujoco>", f"<mujoco>{default}"), encoding="utf-8")
@@ -171,7 +165,6 @@ def test_the_nominal_model_is_the_users_own_mjcf(bag, truth, configuration, tmp_
     with_mjcf = configuration.model_copy(update={"robot": robot, "simulator": SimulatorSection()})
     nominal, affected = replay_bags(bag, with_mjcf, effects=effects).stages
     assert nominal.model == "arm2.xml as given"
-    assert nominal.tracking is not None and affected.tracking is not None
     # Dry friction of the file is as soft as MuJoCo's default.
     assert nominal.tracking["joint_1"].over_noise > 10.0
     assert affected.tracking["joint_1"].over_noise < 5.0
@@ -192,7 +185,6 @@ def test_recordings_of_the_fit_are_left_out_where_there_are_others(
     assert "record" in again and "replay" in again and "diagnose" not in again
     rows = {row[0]: row for row in shrinkage(both)}
     joint, tool = rows["joint_1"], rows["end of the arm"]
-    assert both.stages[0].tool is not None and both.best.tool is not None
     assert tool[5] == f"{100.0 * both.best.tool.rms / both.stages[0].tool.rms:.3g} %"
     given, after, interval = joint[1]
     assert (given["css"], given["start"], given["length"]) == ("full given", 0.0, 100.0)
@@ -205,7 +197,6 @@ def test_what_the_law_adds_to_its_gains_is_that_of_the_recording(truth, configur
     result = replay_bags(bag, configuration, effects=truth)
     assert any("commands more than its gains" in note for note in result.notes)
     nominal, best = result.stages[0].tracking, result.best.tracking
-    assert nominal is not None and best is not None
     assert nominal["joint_1"].over_noise > 20.0 and best["joint_1"].over_noise < 5.0
 
 
@@ -285,7 +276,6 @@ def made(arm: Case, tmp_path: Path) -> Exported:
 def nominal(made: Exported, folder: Path, key: str, path: Path) -> Configuration:
     """The exported file as the nominal model, with the lines of changes.md."""
     section = re.search(r"```yaml\n(.*?)```", made.changes.read_text(encoding="utf-8"), re.S)
-    assert section is not None
     text = (CONFIG / "arm2.yaml").read_text(encoding="utf-8")
     text = re.sub(r"simulator:\n  armature:.*\n", section[1], text, count=1)
     config = folder / f"{key}.yaml"

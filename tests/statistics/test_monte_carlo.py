@@ -69,8 +69,7 @@ def test_whitening_keeps_the_size(test):
 
 def test_forty_five_columns_in_250_rows_do_not_spoil_the_size_of_the_exogeneity_test():
     """A filter fitted on the residual alone rejects in 45 % of these worlds."""
-    crowded = worlds(QUICK, AR1, AR1, n_rows=250, n_columns=45)
-    assert rejections(exogeneity, crowded) < 0.12
+    assert rejections(exogeneity, worlds(QUICK, AR1, AR1, n_rows=250, n_columns=45)) < 0.12
 
 
 def test_a_deviating_column_is_found_through_autocorrelated_errors():

@@ -114,8 +114,7 @@ def test_overall_is_the_least_favourable_joint(white, autocorrelated):
     assert judge_all([good, good], VALID).verdict == "valid"
     assert judge_all([good, slow], VALID).verdict == "autocorrelated"
     assert judge_all([slow, unknown], VALID).verdict == "inconclusive"
-    overall = judge_all([good, bad, unknown], rejected(5.0))
-    assert overall.verdict == "misspecified"
+    assert judge_all([good, bad, unknown], rejected(5.0)).verdict == "misspecified"
 
 
 def test_the_joint_with_the_largest_residual_beyond_the_noise_is_named_first(white):

@@ -52,7 +52,8 @@ def versions(name: str, schema: SchemaText | None) -> tuple[Typestore, ...]:
     """
     if name in PLAIN:
         return (get_typestore(Stores.ROS2_JAZZY),)
-    given = [schema] if schema is not None and schema.text.strip() else _VERSIONS.get(name, ())
+    published = (SchemaText("ros2msg", text) for text in _PUBLISHED.get(name, ()))
+    given = [schema] if schema is not None and schema.text.strip() else published
     stores = (_with_definition(name, definition) for definition in given)
     return tuple(store for store in stores if store is not None)
 
@@ -76,31 +77,24 @@ def _with_definition(name: str, schema: SchemaText) -> Typestore | None:
     return store if name in types else None
 
 
-_POINT, _MANY = (
-    "trajectory_msgs/JointTrajectoryPoint",
-    "trajectory_msgs/MultiDOFJointTrajectoryPoint",
-)
-
-
-def _controller_state(points: str, last: str = "") -> str:
+def _controller_state(points: str, last: str = "", *, frames: bool = True) -> str:
     """Return a definition of a controller state with these points, of joints and of frames."""
     lines = ["std_msgs/Header header", "string[] joint_names"]
-    lines += [f"{_POINT} {point}" for point in points.split()]
-    lines += ["string[] multi_dof_joint_names"]
-    lines += [f"{_MANY} multi_dof_{point}" for point in points.split()]
+    lines += [f"trajectory_msgs/JointTrajectoryPoint {point}" for point in points.split()]
+    if frames:
+        kind = "trajectory_msgs/MultiDOFJointTrajectoryPoint"
+        lines += ["string[] multi_dof_joint_names"]
+        lines += [f"{kind} multi_dof_{point}" for point in points.split()]
     return "\n".join([*lines, last])
 
 
 # Newest first. https://docs.ros.org/en/jazzy/p/control_msgs, …/en/humble/…; the last is Foxy's.
-_TEXTS: dict[str, tuple[str, ...]] = {
+_PUBLISHED: dict[str, tuple[str, ...]] = {
     CONTROLLER_STATE: (
         _controller_state("reference feedback error output", "float64 speed_scaling_factor"),
         _controller_state("reference feedback error output"),
         _controller_state("reference feedback error output desired actual"),
-        "\n".join(
-            ["std_msgs/Header header", "string[] joint_names"]
-            + [f"{_POINT} {point}" for point in ("desired", "actual", "error")]
-        ),
+        _controller_state("desired actual error", frames=False),
     ),
     DYNAMIC_STATE: (
         "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] "
@@ -114,10 +108,6 @@ _TEXTS: dict[str, tuple[str, ...]] = {
         "float64 error_dot\nfloat64 time_step\nfloat64 output",
     ),
 }
-_VERSIONS = {
-    name: tuple(SchemaText("ros2msg", text) for text in texts) for name, texts in _TEXTS.items()
-}
-
 
 QUANTITIES = ("position", "velocity", "effort")
 # Names of one point in newer and older versions of control_msgs.

@@ -85,10 +85,8 @@ def _record(content: mmap.mmap | bytes, place: int) -> Record:
         whole = _is_chunk(content, record)
     elif opcode == MESSAGE:
         whole = size >= MESSAGE_HEAD
-    elif opcode == DATA_END:
-        whole = size == 4
-    elif opcode == FOOTER:
-        whole = size == 20
+    elif opcode in (DATA_END, FOOTER):
+        whole = size == (4 if opcode == DATA_END else FOOTER_SIZE)
     else:
         whole = 0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE
     return record if whole else record._replace(opcode=DAMAGED)

@@ -319,52 +319,47 @@ class GrowingBag:
             self._due = {}
 
     def _write_metadata(self, present: FileSummary) -> None:
-        write_metadata(self.folder, [*self.closed, present], list(self.topics.values()))
+        """Write metadata.yaml, version 9 (ROS 2 Jazzy), replacing the old one at once.
 
-
-def write_metadata(
-    folder: Path, files: Sequence[FileSummary], topics: Sequence[TopicChannel]
-) -> None:
-    """Write metadata.yaml, version 9 (ROS 2 Jazzy), replacing the old one at once.
-
-    Raises OSError: it cannot be written; the old one stays.
-    """
-    start, duration = time_span(files)
-    information = {
-        "version": 9,
-        "storage_identifier": "mcap",
-        **_times(start, duration),
-        "message_count": sum(file.messages for file in files),
-        "topics_with_message_count": [
-            {
-                "topic_metadata": {
-                    "name": topic.name,
-                    "type": topic.message_type,
-                    "serialization_format": "cdr",
-                    "offered_qos_profiles": [qos.document for qos in topic.offered],
-                    "type_description_hash": topic.definition.hash,
-                },
-                "message_count": sum(file.counts.get(topic.name, 0) for file in files),
-            }
-            for topic in topics
-        ],
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [
-            {
-                "path": file.name,
-                **_times(file.start or 0, file.duration),
-                "message_count": file.messages,
-            }
-            for file in files
-        ],
-        "custom_data": None,
-        "ros_distro": "jazzy",
-    }
-    # JSON is YAML, and is written in no time: the file is renewed with every commit.
-    text = json.dumps({"rosbag2_bagfile_information": information}, indent=2)
-    write_together({folder / "metadata.yaml": text})
+        Raises OSError: it cannot be written; the old one stays.
+        """
+        files = [*self.closed, present]
+        start, duration = time_span(files)
+        information = {
+            "version": 9,
+            "storage_identifier": "mcap",
+            **_times(start, duration),
+            "message_count": sum(file.messages for file in files),
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": topic.name,
+                        "type": topic.message_type,
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": [qos.document for qos in topic.offered],
+                        "type_description_hash": topic.definition.hash,
+                    },
+                    "message_count": sum(file.counts.get(topic.name, 0) for file in files),
+                }
+                for topic in list(self.topics.values())
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file.name for file in files],
+            "files": [
+                {
+                    "path": file.name,
+                    **_times(file.start or 0, file.duration),
+                    "message_count": file.messages,
+                }
+                for file in files
+            ],
+            "custom_data": None,
+            "ros_distro": "jazzy",
+        }
+        # JSON is YAML, and is written in no time: the file is renewed with every commit.
+        text = json.dumps({"rosbag2_bagfile_information": information}, indent=2)
+        write_together({self.folder / "metadata.yaml": text})
 
 
 def _times(start: int, duration: int) -> dict[str, object]:

@@ -176,13 +176,8 @@ class ShortChunkWriter(Writer):
 class JointTopic:
     """One JointState topic to be written.
 
-    Attributes
-    ----------
-    name : str
-        Name of the topic; a leading slash is added if it has none.
-    joints : sequence of str
-    time : (n,) s
-    position (rad or m), velocity, effort : (n, n_joints) or None
+    `name`: of the topic; a leading slash is added if it has none. `time`: (n,) s. `position` (rad
+    or m), `velocity`, `effort`: (n, n_joints) or None.
     """
 
     name: str

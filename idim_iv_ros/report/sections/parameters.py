@@ -8,7 +8,7 @@ from idim_iv_ros.report.advice import verdict_badge
 from idim_iv_ros.report.numerals import is_number
 from idim_iv_ros.report.section import Report, Section
 
-POORLY_KNOWN_PERCENT = 30.0
+_IMPRECISE_PERCENT = 30.0
 _LONG_TABLE = 20
 
 
@@ -26,7 +26,7 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
         "impossible": [
             p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)
         ],
-        "poor": POORLY_KNOWN_PERCENT,
+        "poor": _IMPRECISE_PERCENT,
         "with_essential": any(is_number(p.essential_value) for p in result.parameters),
         "with_given": any(is_number(p.given_value) for p in result.parameters),
         "essential": len(ordered) - minor,

@@ -114,9 +114,9 @@ def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str
     )
     size = f"%{{y:.4g}} {unit}"
     count = len(rows.models)
-    above, below, measured = (thinned.values[:count], thinned.values[count:-1], thinned.values[-1])
+    upper, lower, measured = (thinned.values[:count], thinned.values[count:-1], thinned.values[-1])
     drawn = []
-    for (name, _, colour), torque, residual in zip(rows.models, above, below, strict=True):
+    for (name, _, colour), torque, residual in zip(rows.models, upper, lower, strict=True):
         drawn.append(TimeCurve(torque, colour, 2.4, f"{name} {size}"))
         drawn.append(TimeCurve(residual, colour, 1.0, f"measured − {name} {size}", below=True))
     # The measured torque is drawn last: thin, above the wider models.
@@ -129,7 +129,7 @@ def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str
         drawn,
         (f"{torque_word(unit)}, {unit}", f"{left}, {unit}"),
         0.42,
-        behind=[*_shade(thinned, "y", [*above, measured]), *_shade(thinned, "y2", list(below))],
+        behind=[*_shade(thinned, "y", [*upper, measured]), *_shade(thinned, "y2", list(lower))],
         **session.marks(),
     )
 

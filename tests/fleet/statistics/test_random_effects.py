@@ -26,10 +26,9 @@ WELL_WITHOUT = np.array(
 
 def risk_ratios() -> tuple[np.ndarray, np.ndarray]:
     """Logarithms of the risk ratios, and their variances."""
-    ill, well, ill_without, well_without = ILL, WELL, ILL_WITHOUT, WELL_WITHOUT
-    treated, control = ill + well, ill_without + well_without
-    values = np.log((ill / treated) / (ill_without / control))
-    return values, 1 / ill - 1 / treated + 1 / ill_without - 1 / control
+    treated, control = ILL + WELL, ILL_WITHOUT + WELL_WITHOUT
+    values = np.log((ILL / treated) / (ILL_WITHOUT / control))
+    return values, 1 / ILL - 1 / treated + 1 / ILL_WITHOUT - 1 / control
 
 
 def estimate_of(values: np.ndarray, variances: np.ndarray) -> dict[str, float]:
@@ -60,8 +59,7 @@ def test_columns_are_separate_and_unknown_units_count_for_nothing() -> None:
 
 
 def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> None:
-    random = np.random.default_rng(1)
-    values, variance = random.normal(5.0, 2.0, size=15), 0.3
+    values, variance = np.random.default_rng(1).normal(5.0, 2.0, size=15), 0.3
     estimate = estimate_of(values, np.full(15, variance))
     squares = float(np.sum((values - values.mean()) ** 2))
     mean = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
@@ -77,8 +75,7 @@ def test_with_equal_variances_all_intervals_are_those_of_a_normal_sample() -> No
 
 
 def test_units_that_differ_less_than_their_noise_make_no_narrow_interval() -> None:
-    values = np.array([1.0, 1.001, 0.999, 1.0005])
-    estimate = estimate_of(values, np.full(4, 0.04))
+    estimate = estimate_of(np.array([1.0, 1.001, 0.999, 1.0005]), np.full(4, 0.04))
     assert estimate["sigma"] == 0.0
     half = scipy.stats.t.isf(0.025, 3) * 0.2 / 2.0
     assert estimate["mean_high"] - estimate["mean"] == pytest.approx(half)
