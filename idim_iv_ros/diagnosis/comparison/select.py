@@ -197,10 +197,12 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         # From nothing, and from what is best so far, which other errors may have led to.
         starts_of_terms: list[Terms] = [()] if best is None else [(), best[2]]
         grown = [_grown(this, start) for start in starts_of_terms]
-        value, terms = max(grown, key=itemgetter(0))
-        if not _is_full(terms) or best is None or value + usual > best[0] - _WITHIN_RESTARTS:
-            value, terms = _restarts(this, (value, terms))
-        value += usual
+        reached, terms = max(grown, key=itemgetter(0))
+        value = reached + usual
+        if not _is_full(terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
+            # Fewer terms may be taken for misfit of many: that says nothing of the errors.
+            restarted, terms = _restarts(this, (reached, terms))
+            value = max(reached, restarted) + usual
         if len(tried) < _MOST_ERRORS:
             starts.append(likeliest_errors(white, terms))
         if best is None or value > best[0]:
