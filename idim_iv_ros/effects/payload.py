@@ -7,6 +7,7 @@ import numpy as np
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.parametric_effect import (
     CLEARLY,
+    Change,
     Estimated,
     ParameterSpace,
     ParametricEffect,
@@ -47,6 +48,19 @@ class Payload(ParametricEffect):
         robot = space.model.robot
         parents = [int(parent) for parent in robot.pinocchio.parents]
         return [int(joint) for tree, joint in enumerate(robot.order) if tree + 1 not in parents[1:]]
+
+    def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
+        """Those of the `sets`, and of them what a tool has that is centred on the last axis."""
+        assert joint is not None
+        variants = super().variants(space, joint)
+        robot = space.model.robot
+        moved = robot.pinocchio.joints[list(robot.order).index(joint) + 1]
+        turns = np.abs(np.ravel(moved.createData().S)[3:])
+        if turns.max() < 1.0:  # about no axis of the link's frame
+            return variants
+        axis = "xyz"[int(turns.argmax())]
+        centred = {"mass", f"moment_{axis}", "inertia_xx", "inertia_yy", "inertia_zz"}
+        return variants + [[c for c in variant if c.name in centred] for variant in variants]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]

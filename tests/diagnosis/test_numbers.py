@@ -155,6 +155,24 @@ def test_a_load_of_five_link_masses_has_its_mass_beside_errors_of_all_numbers(se
     assert covers(cause, "mass", mass)
 
 
+def test_a_tool_on_the_last_axis_is_no_other_wrist() -> None:
+    """A ball of 0.8 kg, centred on the last axis, is the same whatever that joint does."""
+    arm = arm6(seconds=16.0)
+    data = baseline([recorded(arm, 1)], arm.configuration)
+    model, layout = data.prepared.model, data.prepared.model.regressor.layout
+    body = pin.Inertia.FromSphere(0.8, 0.03)
+    body.lever = np.array([0.0, 0.0, 0.1])
+    held = dict(zip(INERTIAL, parameters_of(body), strict=True))
+    payload = [held.get(one.kind, 0.0) if one.joint == 5 else 0.0 for one in layout.parameters]
+    noise = 0.02 * np.array(data.torque_sizes)
+    change = model.base.grouping @ np.array(payload)
+    (cause,) = causes_of(data, world(data, 4, change=change, noise=noise))
+    assert (cause.effect, cause.joint) == ("payload", "joint_6")
+    assert covers(cause, "mass", 0.8)
+    assert covers(cause, "moment_z", 0.08)
+    assert "moment_x" not in cause.parameters
+
+
 def test_friction_level_with_its_size(data: Baseline) -> None:
     regression = world(data, 1, 1, lambda m: 0.4 * m.slip[:, 1])
     (cause,) = causes_of(data, regression)
