@@ -103,6 +103,16 @@ def test_gravity_of_an_arm_on_its_side_is_found_where_the_configuration_has_it_u
     assert gravity.acceleration == pytest.approx([0.0, 0.0, -9.81], abs=2.0)
 
 
+def test_efforts_without_gravity_are_said_to_have_none() -> None:
+    """A driver that takes the compensation out of what it records: as if nothing were heavy."""
+    arm = arm6(seconds=8.0)
+    floating = replace(arm, robot=arm.robot.with_gravity(np.zeros(3)))
+    gravity = missing_gravity(baseline([recorded(floating, 1)], arm.configuration))
+    assert gravity is not None and gravity.compensated
+    assert not np.any(gravity.corrected(arm.configuration).robot.gravity)
+    assert missing_gravity(baseline([recorded(arm, 1)], arm.configuration)) is None
+
+
 def test_a_link_that_is_heavier_is_one_number() -> None:
     """A cover of another material: mass, first moments and inertia of one link in proportion."""
     arm = arm6(seconds=16.0)

@@ -28,13 +28,14 @@ from idim_iv_ros.types import FloatArray
 
 _STANDARD_GRAVITY = 9.81  # m/s², that is put in
 _LIKELY_GRAVITY = (4.0, 25.0)  # m/s², with the given masses, or it is something else
+_COMPENSATED = 0.3  # of the configured gravity: with less, efforts hold none but errors of masses
 _NEAR = 0.825  # cosine of 0.6 rad, up to which the effect gravity_direction is made
 _LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
 
 
 @dataclass(frozen=True)
 class MissingGravity:
-    """Gravity as the recordings show it, where the configuration has none or one far from it.
+    """Gravity as the recordings show it, where it is missing on one side or far from configured.
 
     `acceleration`: (3,) m/s², base frame; `configured`: whether there is another one.
 
@@ -49,9 +50,15 @@ class MissingGravity:
     statistic: float
     weightless: Stage
 
+    @property
+    def compensated(self) -> bool:
+        """Whether the efforts hold none, and the model has one."""
+        return float(np.linalg.norm(self.acceleration)) < _LIKELY_GRAVITY[0]
+
     def corrected(self, configuration: Configuration) -> Configuration:
-        """Return the configuration with gravity of the usual size in this direction."""
-        vector = _STANDARD_GRAVITY * self.acceleration / np.linalg.norm(self.acceleration)
+        """Return the configuration with none, or one of the usual size in this direction."""
+        size = 0.0 if self.compensated else _STANDARD_GRAVITY
+        vector = size * self.acceleration / np.linalg.norm(self.acceleration)
         return configuration.changed("robot", gravity=vector.tolist())
 
     def cause(self, with_gravity: Stage) -> Cause:
@@ -60,6 +67,15 @@ class MissingGravity:
         gaps = [float(np.linalg.norm(list(stage.torque_rms.values()))) for stage in stages]
         shown = ", ".join(f"{value:.2g}" for value in self.acceleration)
         lacks = "another direction of" if self.configured else "no"
+        first = f"the nominal model has {lacks} gravity, but the recordings show it"
+        rest = "with gravity in this direction"
+        if self.compensated:
+            first = "the efforts hold no gravity: the driver records them without what balances it"
+            rest = "without gravity. Record the whole effort, or set robot.gravity to zero"
+        said = (
+            f"{first}, ({shown}) m/s² with the masses of the nominal model. Everything else was "
+            f"diagnosed {rest}"
+        )
         return Cause(
             effect=name_of("gravity"),
             kind="parametric",
@@ -70,11 +86,7 @@ class MissingGravity:
             },
             evidence=Evidence(self.statistic),
             torque_gap=Gap.between(*gaps),
-            sentence=(
-                f"the nominal model has {lacks} gravity, but the recordings show it: ({shown}) "
-                "m/s² with the masses of the nominal model. Everything else was diagnosed with "
-                "gravity in this direction"
-            ),
+            sentence=said,
         )
 
 
@@ -189,8 +201,8 @@ def _with_friction(data: Baseline) -> Refit:
 def missing_gravity(data: Baseline) -> MissingGravity | None:
     """Look for gravity where the configuration has none, or one that is far from it.
 
-    None where the configured direction is near it, as those are that the search corrects to first
-    order, and where none shows.
+    Or for efforts without gravity, where it is configured. None where the configured direction is
+    near it, as those are that the search corrects to first order, and where nothing shows.
     """
     robot = data.prepared.model.robot
     configured = robot.gravity
@@ -211,8 +223,9 @@ def missing_gravity(data: Baseline) -> MissingGravity | None:
         return None
     shown, (low, high) = configured + heavy.coefficients, _LIKELY_GRAVITY
     size = float(np.linalg.norm(shown))
-    near = float(shown @ configured) > size * float(np.linalg.norm(configured)) * _NEAR
-    if not low <= size <= high or (np.any(configured) and near):
+    given = float(np.linalg.norm(configured))
+    near = given > 0.0 and float(shown @ configured) > size * given * _NEAR
+    if size > _COMPENSATED * given and (not low <= size <= high or near):
         return None
     parts = zip(nominal_residuals(data) or (), row_blocks(data), strict=True)
     weightless = stage_of("given", [energies(*part) for part in parts], data.joints)
