@@ -205,10 +205,12 @@ def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) 
     unseen = unseen_parameters(rows, len(names))
     if unseen:
         listed = ", ".join(names[column] for column in unseen)
-        because = f" ({', '.join(prepared.still)} stands still)" if prepared.still else ""
+        still = ", ".join(prepared.still)
+        because = f" ({still} stands still)" if still else ""
+        way_out = f", or leave {still} out of robot.joints, which locks it" if still else ""
         raise DataError(
             f"{where}: the excitation is rank deficient{because}: {listed} cannot be separated "
-            "from the other parameters; record a richer motion of all joints"
+            f"from the other parameters; record a richer motion of all joints{way_out}"
         )
 
 

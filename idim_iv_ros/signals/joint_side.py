@@ -205,7 +205,7 @@ def _require_possible(
             raise DataError(
                 f"{name}: the largest {what} of {joint} is {peak:.3g} {unit}, and no robot has "
                 "that; look at the driver and its units, and at signals.effort_scale and "
-                "robot.motor_to_joint"
+                "robot.motor_to_joint, or leave a joint that does nothing out of robot.joints"
             )
 
 

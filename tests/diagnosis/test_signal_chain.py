@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from bags import simulated_arms
-from bags.simulated_arms import SimulatedArm, arm2
+from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.signal_chain import _chain, aligned
@@ -118,6 +119,26 @@ def test_a_delay_of_all_joints_is_a_cause_and_the_loop_tells_where_it_is(place: 
     assert in_loop == pytest.approx(delay if place == "loop" else 0.0, abs=1e-3)
     if place == "stamps":
         assert refitted([recording], arm.configuration, ("time_delay",)).delays == ()
+
+
+def test_a_loop_that_answers_to_the_steps_of_its_encoders_is_not_late() -> None:
+    """Steps of 3 mrad are in the measured positions and, by the law, in the commands."""
+    arm = arm6(seconds=10.0)
+    recording = recorded(arm, 1)
+    position, period = recording.position.values, 1.0 / arm.rate
+    steps = np.round(position / 3e-3) * 3e-3 - position
+    speeds = np.diff(steps, axis=0, prepend=steps[:1]) / period
+    kept = np.exp(-2.0 * np.pi * 100.0 * period)  # of a speed that is filtered at 100 Hz
+    speeds = lfilter([1.0 - kept], [1.0, -kept], speeds, axis=0)
+    effort = effort_of(recording) - arm.law.kp * steps - arm.law.kd * speeds
+    recording = replace(
+        recording,
+        position=replace(recording.position, values=position + steps),
+        effort=replace(recording.effort, values=effort),
+    )
+    refit = refitted([recording], arm.configuration, ())
+    assert refit.delays == () and refit.answers_noise
+    assert {one.effect for one in refit.not_testable} == {"time_delay"}
 
 
 @pytest.mark.parametrize(("delay", "configured"), [(0.0, 0.0), (1.5e-3, 0.0), (0.0, 4e-3)])

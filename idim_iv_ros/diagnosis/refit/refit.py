@@ -30,6 +30,16 @@ _STANDARD_GRAVITY = 9.81  # m/s², that is put in
 _LIKELY_GRAVITY = (4.0, 25.0)  # m/s², with the given masses, or it is something else
 _COMPENSATED = 0.3  # of the configured gravity: with less, efforts hold none but errors of masses
 _NEAR = 0.825  # cosine of 0.6 rad, up to which the effect gravity_direction is made
+_SOFTENED = (
+    "dry friction turns before the joint, as a simulator solves it: what friction does at a "
+    "reversal is its solver's",
+    "a recording of a robot, or of a simulator without softened friction",
+)
+_NOISE_ANSWERED = (
+    "the loop answers to the steps of coarse encoders, which looks late: measured and simulated "
+    "motion show another shift of the effort",
+    "encoders with more bits, or faster motion",
+)
 _LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
 
 
@@ -96,7 +106,8 @@ class Refit:
 
     `shift`: taken out of the effort; `turning`: when dry friction turns, where the simulated loop
     does not tell it best; `gravity`: which the nominal model lacks; `data` has it; `delays`: one
-    cause where the shift is longer than the control makes it.
+    cause where the shift is longer than the control makes it; `answers_noise`: whether the loop
+    answers to that of its encoders, so that nothing can be said of delays.
     """
 
     data: Baseline
@@ -104,24 +115,27 @@ class Refit:
     turning: TurningFriction
     gravity: MissingGravity | None = None
     delays: tuple[Cause, ...] = ()
+    answers_noise: bool = False
 
     @property
     def hidden(self) -> tuple[tuple[str, int], ...]:
-        """Effects that act where joints turn, at joints whose dry friction a solver softens."""
+        """Effects that act where joints turn, at joints whose dry friction a solver softens.
+
+        And delays, where the loop answers to the noise of its encoders.
+        """
         lost = [effect.name for effect in STRUCTURAL if effect.lost_where_softened]
-        return tuple((name, joint) for name in lost for joint in self.turning.soft)
+        late = range(len(self.data.joints)) if self.answers_noise else ()
+        return (
+            *((name, joint) for name in lost for joint in self.turning.soft),
+            *((name_of("delay"), joint) for joint in late),
+        )
 
     @property
     def not_testable(self) -> tuple[NotTestable, ...]:
         """The same in words."""
+        why = {name_of("delay"): _NOISE_ANSWERED}
         return tuple(
-            NotTestable(
-                name,
-                self.data.joints[joint],
-                "dry friction turns before the joint, as a simulator solves it: what friction does "
-                "at a reversal is its solver's",
-                "a recording of a robot, or of a simulator without softened friction",
-            )
+            NotTestable(name, self.data.joints[joint], *why.get(name, _SOFTENED))
             for name, joint in self.hidden
         )
 
@@ -154,6 +168,9 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     early = on_likelier_motion(data)
     if not early.shift.beyond_control:
         return early
+    if data.sticking and not _shown_by_both_motions(data):
+        early = replace(early, data=early.data.later(0.0), shift=early.shift.undetermined)
+        return replace(early, answers_noise=True)
     delay, prepared, support = early.shift.common.value, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
@@ -181,8 +198,24 @@ def on_likelier_motion(data: Baseline) -> Refit:
     joined = _with_friction(data)
     if not data.sticking:
         return joined
-    motions = tuple(map(measured_motion, data.motions, data.prepared.motions))
-    return max(joined, _with_friction(data.on(motions)), key=_likelihood)
+    return max(joined, _with_friction(_on_measured(data)), key=_likelihood)
+
+
+def _shown_by_both_motions(data: Baseline) -> bool:
+    """Whether the measured and the simulated motion show the same shift of the effort.
+
+    A loop answers to the steps of coarse encoders, which are in the measured motion and in the
+    command: that looks late, by another time in either.
+    """
+    shifts = [aligned(one)[1] for one in (data, _on_measured(data))]
+    first, second = (shift.common for shift in shifts)
+    unsure = float(np.hypot(first.std or 0.0, second.std or 0.0))  # of the same torque's noise
+    apart = abs(first.value - second.value)
+    return apart <= unsure + settings.SHIFT_AGREEMENT * max(shifts[0].period, abs(first.value))
+
+
+def _on_measured(data: Baseline) -> Baseline:
+    return data.on(tuple(map(measured_motion, data.motions, data.prepared.motions)))
 
 
 def _likelihood(refit: Refit) -> float:

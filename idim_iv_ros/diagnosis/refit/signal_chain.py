@@ -49,6 +49,12 @@ class EffortShift:
         return self.chain.effort_shift
 
     @property
+    def undetermined(self) -> "EffortShift":
+        """The same where nothing can be said of a shift that all share, which is taken as zero."""
+        none = EffectParameter(0.0, None, "s")
+        return replace(self, chain=replace(self.chain, effort_shift=none, periods=0.0))
+
+    @property
     def beyond_control(self) -> bool:
         """Whether nearly all joints share more than a command makes that is held and computed."""
         shift, joints = self.common, len(self.chain.joint_shifts)
