@@ -21,7 +21,7 @@ from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
 _LEAST_ROWS = 0.25
-_ROWS_BESIDE_REVERSAL = 2.0  # that tell nothing where it is not known when a joint sticks
+_ROWS_AT_REVERSAL = 2.0  # that tell nothing where it is not known when a joint sticks
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Presliding(StructuralEffect[BristleShape]):
         if span <= 0.0:
             return []
         acceleration = 2.0 * covered.fastest**2 / span
-        rows = _LEAST_ROWS if covered.sticking else _ROWS_BESIDE_REVERSAL
+        rows = _LEAST_ROWS if covered.sticking else _ROWS_AT_REVERSAL
         crossed = 0.5 * acceleration * (rows / covered.row_rate) ** 2
         least = max(1e-4 * covered.lever, crossed)
         spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)

@@ -18,7 +18,7 @@ def _modules() -> tuple[ModuleType, ...]:
     return tuple(import_module(f"{package.__name__}.{name}") for name in names)
 
 
-def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
+def _causes_in(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
     """Every cause of the modules: parametric, then structural, in the order that they give."""
     defined = [
         member()
@@ -32,7 +32,7 @@ def _one_of_each(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
 
 # Source of all that is compiled of effects, for the key of numba's cache.
 MODULES = _modules()
-CAUSES = _one_of_each(MODULES)
+CAUSES = _causes_in(MODULES)
 BY_NAME: dict[str, Cause] = {cause.name: cause for cause in CAUSES}
 PARAMETRIC = tuple(cause for cause in CAUSES if isinstance(cause, ParametricEffect))
 # Another control law, which commands show; the others may explain the residual of the refit.

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.answer.explained import Explained, JudgedTerm
+from idim_iv_ros.diagnosis.answer.explained import AssessedTerm, Explained
 from idim_iv_ros.diagnosis.answer.numbers import parameters_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
@@ -112,7 +112,7 @@ def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[Parame
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
     left, before, causes = list(explanation.numbers), first, []
 
-    def without(judgement: JudgedTerm) -> float:
+    def without(judgement: AssessedTerm) -> float:
         return float(np.linalg.norm(_rms(judgement.term.taken_from(gap)) / ledger.sizes))
 
     while left:
@@ -140,7 +140,7 @@ def _rms(gap: Sequence[FloatArray]) -> FloatArray:
 
 def _parametric_cause(
     explanation: Explained,
-    judgement: JudgedTerm,
+    judgement: AssessedTerm,
     before: FloatArray,
     after: FloatArray,
 ) -> Cause:

@@ -30,7 +30,7 @@ NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedTerm:
+class AssessedTerm:
     """A term and how far it is believed.
 
     `features`: see `comparison.probability`; `probability`: that it is a cause by its first name;
@@ -63,9 +63,9 @@ class Explained:
     """
 
     selection: Selection
-    effects: tuple[JudgedTerm, ...]
-    numbers: tuple[JudgedTerm, ...]
-    doubtful: tuple[JudgedTerm, ...]
+    effects: tuple[AssessedTerm, ...]
+    numbers: tuple[AssessedTerm, ...]
+    doubtful: tuple[AssessedTerm, ...]
     outside: tuple[Term, ...]
     regression: Regression
     fits: tuple[Fit, ...]
@@ -95,7 +95,7 @@ def explained(selection: Selection) -> Explained:
     Effects that do not help on held-out rows are causes no more, and the others are tested anew.
     """
     repeats = repeats_of(selection.catalogue.data)
-    judgements = _judged_terms(selection, repeats)
+    judgements = _assessed_terms(selection, repeats)
     while True:
         explanation = _tested(selection, judgements, repeats)
         idle = {
@@ -112,7 +112,7 @@ def explained(selection: Selection) -> Explained:
 
 
 def _tested(
-    selection: Selection, judgements: Sequence[JudgedTerm], repeats: Sequence[Repeat]
+    selection: Selection, judgements: Sequence[AssessedTerm], repeats: Sequence[Repeat]
 ) -> Explained:
     """Fit the refit with the causes one after the other, and predict held-out rows."""
     judgements = [
@@ -138,7 +138,7 @@ def _tested(
     more += [
         term.columns
         for term in selection.terms
-        if term.candidate.kind is Kind.SIGNAL or term.candidate.is_beside_base_parameters(space)
+        if term.candidate.kind is Kind.SIGNAL or term.candidate.is_no_base_parameter(space)
     ]
     not_given = _not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1])
     floors = noise_floors(data, fits[-1], repeats)
@@ -164,7 +164,7 @@ def _tested(
     )
 
 
-def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> list[JudgedTerm]:
+def _without_doubtful(selection: Selection, causes: Sequence[AssessedTerm]) -> list[AssessedTerm]:
     """Give causes the numbers that they have where what is doubtful is left out."""
     alone = [*(cause.term for cause in causes), *selection.signals]
     terms = together(selection.comparison, alone)
@@ -178,7 +178,7 @@ def _without_doubtful(selection: Selection, causes: Sequence[JudgedTerm]) -> lis
     return made
 
 
-def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[JudgedTerm, ...]:
+def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[AssessedTerm, ...]:
     """Numbers of which the nominal model says nothing, where the recording shows them.
 
     `causes`: of structure and of the nominal numbers, beside which they are taken; `fit`: of the
@@ -217,11 +217,11 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
             rivals=((candidate.key, 1.0),),
             dispersion=1.0,
         )
-        made.append(JudgedTerm(term, np.zeros(0), LIMITS[1], "", ""))
+        made.append(AssessedTerm(term, np.zeros(0), LIMITS[1], "", ""))
     return tuple(made)
 
 
-def _judged_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[JudgedTerm]:
+def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[AssessedTerm]:
     """Terms of the catalogue with their probability, those that take most of the gap first.
 
     Last those in whose place a free curve is likelier.
@@ -232,7 +232,7 @@ def _judged_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Judge
         if term.candidate.kind is not Kind.SIGNAL
     ]
     displaced = [
-        JudgedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
+        AssessedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
         for term, curve in selection.displaced
         for described in [sentences.nonparametric(selection.catalogue.data, curve)]
     ]
@@ -251,7 +251,7 @@ def _judged_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Judge
         if unsure is not None:
             reason = sentences.too_unsure(unsure, times)
         odds = probability(values, term.key.effect)
-        made.append(JudgedTerm(term, values, odds, times, reason, outside, unsure))
+        made.append(AssessedTerm(term, values, odds, times, reason, outside, unsure))
     made.sort(key=lambda judgements: -float(judgements.term.visible.max()))
     return made + displaced
 

@@ -57,8 +57,8 @@ def _with_free_shape(
     term, block = explanation.effects[number].term, explanation.regression.blocks[number]
     effect, shape, fit, data = term.effect, term.shape, explanation.fit, explanation.data
     # Of the torque that the fit leaves to the model, as `knee` has it.
-    own_torque = with_parameters(data, fit.values) if effect.beyond_knee else data
-    here, *moved = rows_of(own_torque, effect, term.place, [shape, *near])
+    of_the_fit = with_parameters(data, fit.values) if effect.beyond_knee else data
+    here, *moved = rows_of(of_the_fit, effect, term.place, [shape, *near])
     changes = {
         joint: np.column_stack([(rows[joint] - here[joint]) @ term.coefficients for rows in moved])
         for joint in here

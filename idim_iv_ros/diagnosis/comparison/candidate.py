@@ -85,7 +85,7 @@ class Candidate:
             return False
         return effect.is_not_given(space, place.joint)
 
-    def is_beside_base_parameters(self, space: ParameterSpace) -> bool:
+    def is_no_base_parameter(self, space: ParameterSpace) -> bool:
         """Whether no base parameters make up for this number, such as a tilt of gravity."""
         return any(change.direction[len(space.given) :].any() for change in self.changes)
 
@@ -161,7 +161,7 @@ class Catalogue:
         made.candidates = (
             *effects,
             *(candidate for candidate in self.candidates if candidate.kind is Kind.SIGNAL),
-            *(n for n in numbers if n.is_beside_base_parameters(self.space)),
+            *(n for n in numbers if n.is_no_base_parameter(self.space)),
             *(self._scoped(effect, scope) for scope in scopes for effect in effects),
             *(self._scoped(number, scope) for scope in number_scopes for number in numbers),
         )

@@ -122,7 +122,7 @@ class NominalErrors:
             right[rows.columns] += model.T @ gap
         self.explained = self.root.T @ right
         gaps = {joint: rows[:, None] for joint, rows in enumerate(white.gap)}
-        self.gap_lines = self.lines_beside_errors(gaps, (self.root @ self.explained)[:, None])[0]
+        self.gap_lines = self.lines_net_of_errors(gaps, (self.root @ self.explained)[:, None])[0]
         self.level = 0.5 * float(self.explained @ self.explained) - 0.5 * float(
             np.sum(np.log1p(values))
         )
@@ -174,7 +174,7 @@ class NominalErrors:
         projected = self.projected[self.options.columns[w][place]]
         return np.asarray(self.root @ (projected.T @ self.basis[w][place]))
 
-    def lines_beside_errors(
+    def lines_net_of_errors(
         self, columns: Mapping[int, FloatArray], moved: FloatArray
     ) -> FloatArray:
         """Whitened columns (r_j, w) less errors (b, w): (w, r), joints one after the other.
@@ -195,7 +195,7 @@ class NominalErrors:
             if len(self._lines) >= _LINES_KEPT:
                 del self._lines[next(iter(self._lines))]
             white = self.white.columns(self.columns(option))
-            self._lines[option] = self.lines_beside_errors(white, self.moved(option))
+            self._lines[option] = self.lines_net_of_errors(white, self.moved(option))
         return self._lines[option]
 
 
@@ -219,7 +219,7 @@ class _TermProducts:
     def lines(self, nominal: NominalErrors) -> FloatArray:
         """Whitened columns (w, r) beside the errors, joints one after the other."""
         if self._lines is None:
-            self._lines = nominal.lines_beside_errors(self.white, self.moved)
+            self._lines = nominal.lines_net_of_errors(self.white, self.moved)
         return self._lines
 
     def crossed(self, nominal: NominalErrors) -> dict[int, FloatArray]:

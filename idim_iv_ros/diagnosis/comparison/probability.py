@@ -25,7 +25,7 @@ FEATURES = (
 )
 # What is lost counts in full up to the first; then only beside the dispersion of the scores, up to
 # the second: few terms of the table lose more, and misfit alone makes dispersed scores.
-_MOST_LOSS, _MOST_BESIDE = 6.0, 12.0
+_MOST_LOSS, _MOST_DISPERSED = 6.0, 12.0
 _SMALL = 1e-3  # share of the torque
 LIMITS = 0.01, 0.99  # no table of a few thousand recordings says more
 
@@ -74,7 +74,7 @@ def features(
     rest = float(np.linalg.norm(shares))
     return np.array(
         [
-            max(min(np.log1p(loss), _MOST_LOSS), min(np.log1p(loss / dispersion), _MOST_BESIDE)),
+            max(min(np.log1p(loss), _MOST_LOSS), min(np.log1p(loss / dispersion), _MOST_DISPERSED)),
             chosen.times(term) / len(chosen.keys),
             np.sign(least) * np.log1p(abs(least)),
             np.clip(np.log((visible + 0.1 * _SMALL) / (beyond + _SMALL)), -1.0, 2.0),

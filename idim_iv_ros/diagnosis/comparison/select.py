@@ -70,7 +70,7 @@ class Selection:
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     """Search for what explains the gap of a ledger."""
     options = Options(ledger, catalogue.candidates)
-    noise = noise_of(ledger, _beside_curves(ledger, catalogue))
+    noise = noise_of(ledger, _without_curves(ledger, catalogue))
     terms: Terms = ()
     errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
@@ -127,7 +127,7 @@ def _curve_in_place(
     return best
 
 
-def _beside_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
+def _without_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
     """(r_j,) what the refit leaves less all free curves of the joint, where rows are many enough.
 
     Noise that holds an effect takes slow ones for its own.

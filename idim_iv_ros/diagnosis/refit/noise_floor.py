@@ -96,8 +96,8 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
             return ()
         if rate < fastest:  # linearly between its samples
             time = np.arange(int((len(reference) - 1) * fastest / rate) + 1) / fastest
-            own_time = np.arange(len(reference)) / rate
-            reference = np.column_stack([np.interp(time, own_time, q) for q in reference.T])
+            sampled = np.arange(len(reference)) / rate
+            reference = np.column_stack([np.interp(time, sampled, q) for q in reference.T])
         references.append(reference)
     return find_repeats(references, fastest, data.row_rate)
 

@@ -219,7 +219,7 @@ class GapResult(Document):
     twists: Unsaved[tuple[TransmissionSeries, ...]] = field(default=(), compare=False)
 
     @property
-    def own_summary(self) -> str:
+    def summary_of_reference(self) -> str:
         """The summary of the recordings by themselves, without what changed in a second set."""
         if self.contrast is None:
             return self.summary
