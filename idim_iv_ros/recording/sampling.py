@@ -11,6 +11,7 @@ import scipy
 from idim_iv_ros.types import FloatArray, IntArray
 
 _WANDER = 1.0  # s over which the regular clock may wander from a constant rate
+_DRIFT = 25  # samples over which a rate that is a little off does not matter
 _LEAST_JITTER = 2e-3  # of an interval
 _WINDOW, _ORDER = 9, 3  # samples and order of the local polynomials that positions are smooth by
 _BLOCKS = 16  # left out in turn for the deviation
@@ -30,9 +31,13 @@ def sampling_times(time: IntArray, position: FloatArray) -> tuple[IntArray, floa
     steps = np.diff(time)
     interval = float(steps.sum()) / max(float(np.rint(steps / np.median(steps)).sum()), 1.0)
     stamps = (time - time[0]) / interval
+    # Jitter of more than half an interval is counted as none or two: the phase drifts by it.
+    drift = _phase(stamps, _DRIFT)
+    interval *= 1.0 + float(drift[-1] - drift[0]) / float(stamps[-1])
+    stamps = (time - time[0]) / interval
     places, phase = _regular_clock(stamps, max(int(1e9 * _WANDER / interval), _WINDOW))
     jitter = stamps - places - phase
-    if float(np.std(jitter)) < _LEAST_JITTER or not np.all(np.diff(places) > 0):
+    if float(np.std(jitter)) < _LEAST_JITTER:
         return time, 1.0
     share, std = _share_in(position, jitter, places)
     if not share + _CLEAR * std < _RIGHT:
@@ -42,18 +47,17 @@ def sampling_times(time: IntArray, position: FloatArray) -> tuple[IntArray, floa
 
 
 def _regular_clock(stamps: FloatArray, width: int) -> tuple[IntArray, FloatArray]:
-    """Return places and phases (n,) on a regular clock of stamps (n,), all in intervals.
+    """Return places, no two the same, and phases (n,) of stamps (n,), all in intervals."""
+    phase = _phase(stamps, width)
+    order = np.arange(len(stamps))
+    free = scipy.optimize.isotonic_regression(stamps - phase - order).x  # that are passed over
+    return np.rint(free).astype(np.int64) + order, phase
 
-    The phase is the circular mean of `width` stamps: messages that are missing do not move it.
-    """
+
+def _phase(stamps: FloatArray, width: int) -> FloatArray:
+    """Circular mean (n,) of `width` stamps: messages that are missing do not move it."""
     turns = scipy.ndimage.uniform_filter1d(np.exp(2j * np.pi * stamps), width, mode="nearest")
-    phase = np.unwrap(np.angle(turns)) / (2.0 * np.pi)
-    places = np.rint(stamps - phase).astype(np.int64)
-    before, after = np.diff(places, prepend=places[0] - 2), np.diff(places, append=places[-1] + 2)
-    # Two at one place: the second came early where the place behind it is free, or the first late.
-    early = (before == 0) & (after > 1)
-    late = (after == 0) & (before > 1) & ~np.append(early[1:], False)
-    return places + early - late, phase
+    return np.asarray(np.unwrap(np.angle(turns)) / (2.0 * np.pi))
 
 
 def _share_in(position: FloatArray, jitter: FloatArray, places: IntArray) -> tuple[float, float]:

@@ -37,6 +37,19 @@ def test_jitter_that_the_motion_does_not_show_is_taken_back(share: float) -> Non
     assert np.all(np.diff(times) > 0)
 
 
+def test_messages_that_arrive_up_to_an_interval_late_are_taken_back() -> None:
+    """Late by 1.2 ms at random, at 250 Hz: some come when the next one is due."""
+    random = np.random.default_rng(2)
+    _, position, truth = recorded(0.0, lost=0.0)
+    kept = random.random(SAMPLES) >= 0.01
+    late = np.abs(random.normal(scale=1.2e6, size=SAMPLES)).astype(np.int64)
+    stamps = np.maximum.accumulate(truth + late)[kept]
+    times, shown = sampling_times(stamps, position[kept])
+    assert shown == pytest.approx(0.0, abs=0.01)
+    assert np.std(times - truth[kept]) < 0.2 * np.std(late)  # the mean of a second wanders
+    assert np.all(np.diff(times) > 0)
+
+
 def test_stamps_of_samples_that_were_taken_late_are_kept() -> None:
     stamps, position, _ = recorded(1.0)
     times, shown = sampling_times(stamps, position)
