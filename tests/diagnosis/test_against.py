@@ -228,11 +228,8 @@ def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> 
             for number, motion in enumerate(data.motions)
         ]
         noise = NOISE[joint] * random.standard_normal(len(rows.torque))
-        joints.append(
-            replace(
-                rows, torque=rows.matrix @ truth[rows.columns] + noise + data.counting(joint, extra)
-            )
-        )
+        torque = rows.matrix @ truth[rows.columns] + data.counting(joint, extra) + noise
+        joints.append(replace(rows, torque=torque))
     return Regression(tuple(joints), plain.parameters)
 
 

@@ -103,9 +103,8 @@ def test_references_of_something_else_are_no_other_law(data, signals, beyond: fl
 def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
     """They push the robot, and the errors that the law answers follow each of them."""
     rng = np.random.default_rng(4)
-    samples = len(arm.position_reference)
-    pulses = np.zeros((samples, 2))
-    for start in rng.choice(np.arange(200, samples - 200, 400), 10, replace=False):
+    pulses = np.zeros_like(arm.position_reference)
+    for start in rng.choice(np.arange(200, len(pulses) - 200, 400), 10, replace=False):
         pulses[start : start + 20, 0] = rng.choice([-25.0, 25.0])
     result = simulate_closed_loop(
         arm.robot,
