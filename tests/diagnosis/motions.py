@@ -10,7 +10,9 @@ from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.signals import ParallelDecimation
+from idim_iv_ros.simulation import inverse_dynamics
 from tests.estimation.test_simulated_arms import recorded
 
 RATE = 500.0
@@ -70,6 +72,21 @@ def gravity_and_coriolis(motion: SmoothMotion, joint: int) -> np.ndarray:
     """Torque (s,) of the links without mass matrix times accelerations, N m."""
     inertial = np.einsum("sj,sj->s", motion.inertia[:, joint], motion.acceleration)
     return np.asarray(motion.load[:, joint] - inertial)
+
+
+def without_jumps(motion: SmoothMotion) -> SmoothMotion:
+    """The same without dry friction."""
+    return replace(motion, whole=replace(motion.whole, coulomb=np.zeros(2)))
+
+
+def added_by(motion: SmoothMotion, parameters: DynamicParameters, *moved: Any) -> np.ndarray:
+    """Torque (s, n_joints) that joint 2 adds if its position, speed and acceleration differ."""
+    states = [motion.position, motion.velocity, motion.acceleration]
+    others = [
+        values + np.outer(change, [0.0, 1.0]) for values, change in zip(states, moved, strict=True)
+    ]
+    before, after = (inverse_dynamics(motion.robot, parameters, *x) for x in (states, others))
+    return np.asarray(after - before)
 
 
 @cache

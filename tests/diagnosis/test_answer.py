@@ -80,18 +80,12 @@ def test_much_that_stays_is_not_nothing() -> None:
     assert verdict_of([STRIBECK], None, unexplained=True) == "structural"
 
 
-# Torques of 10 and 1 N m rms.
-DATA = SimpleNamespace(
-    joints=("joint_1", "joint_2"),
-    torque_sizes=(10.0, 1.0),
-)
+DATA = SimpleNamespace(joints=("joint_1", "joint_2"), torque_sizes=(10.0, 1.0))  # N m rms
 
 
 def closing(effect: str, kind: str, joint: str, before: float, after: float, size: float) -> Cause:
-    made = replace(
-        cause(effect, kind), joint=joint, torque_gap=Gap(before, after, None, None, None)
-    )
-    return replace(made, evidence=Evidence(size))
+    gap = Gap(before, after, None, None, None)
+    return replace(cause(effect, kind), joint=joint, torque_gap=gap, evidence=Evidence(size))
 
 
 FIRST = closing("stribeck", "structural", "joint_1", 2.0, 1.0, 50.0)
@@ -175,16 +169,10 @@ def missed(
     noise
         As a share of what the last one misses.
     """
-    stages = [
-        Stage(
-            name,
-            dict(zip(data.joints, share * np.array(data.torque_sizes), strict=True)),
-            {},
-            None,
-            "",
-        )
-        for name, share in (("given", np.full(2, first)), ("last", np.array(shares)))
-    ]
+    stages = []
+    for name, share in (("given", np.full(2, first)), ("last", np.array(shares))):
+        rms = dict(zip(data.joints, share * np.array(data.torque_sizes), strict=True))
+        stages.append(Stage(name, rms, {}, None, ""))
     floors = [
         NoiseFloor(None if noise is None else noise * rms, "repeats", "")
         for rms in stages[-1].torque_rms.values()

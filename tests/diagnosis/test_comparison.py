@@ -49,16 +49,16 @@ def names_of(selection: Selection) -> list[tuple[str, int | None]]:
 
 
 @cache
-def single(number: int) -> tuple[Regression, Selection]:
-    """A world with one effect, and what is taken of it."""
+def single(number: int) -> Selection:
+    """What is taken of a world with one effect."""
     _, joint, pole, torque = SINGLE[number]
-    regression = world(arm2_session(SECONDS), 1, joint, torque, pole=pole)
-    return regression, selected(arm2_session(SECONDS), regression)
+    data = arm2_session(SECONDS)
+    return selected(data, world(data, 1, joint, torque, pole=pole))
 
 
 @pytest.mark.parametrize("number", range(len(SINGLE)), ids=lambda number: SINGLE[number][0])
 def test_one_effect_is_selected_alone(number: int) -> None:
-    assert names_of(single(number)[1]) == [SINGLE[number][:2]]
+    assert names_of(single(number)) == [SINGLE[number][:2]]
 
 
 def test_nothing_is_selected_in_autocorrelated_noise(data: Baseline) -> None:
@@ -116,8 +116,7 @@ def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> Non
     assert [curve.effect.name for curve in selection.curves] == (
         ["contact beyond a position"] if one_sided else []
     )
-    explanation = explained(selection)
-    hints = [hint.effect for hint in hints_of(explanation)]
+    hints = [hint.effect for hint in hints_of(explained(selection))]
     assert hints.count("spring") == one_sided
 
 
@@ -179,10 +178,8 @@ def test_friction_that_starts_anew_is_told_from_that_of_the_session(two_recordin
     assert term.shape.time_constant == pytest.approx(4.0 if restarts else 60.0, rel=0.3)
 
 
-def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None:
-    _, selection = single(0)
-    explanation = explained(selection)
-    (cause,) = structural_causes(explanation, [None])
+def test_a_cause_has_numbers_intervals_and_a_probability() -> None:
+    (cause,) = structural_causes(explained(single(0)), [None])
     assert (cause.effect, cause.joint) == ("stribeck", "joint_2")
     assert cause.probability is not None and cause.probability > 0.8
     assert cause.parameters["excess"].value == pytest.approx(0.5, abs=0.1)
@@ -193,8 +190,7 @@ def test_a_cause_has_numbers_intervals_and_a_probability(data: Baseline) -> None
 
 
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
-    regression = world(data, 3, 0, pulses)
-    explanation = explained(selected(data, regression))
+    explanation = explained(selected(data, world(data, 3, 0, pulses)))
     assert (explanation.effects, explanation.numbers) == ((), ())
     rest = unexplained(explanation)
     assert rest is not None
@@ -206,11 +202,12 @@ def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:
 
 def test_evidence_of_a_model_is_that_of_the_dense_formula() -> None:
     """ln N(r; 0, I + X S Sᵀ Xᵀ + Σ A P Pᵀ Aᵀ), less that of noise alone, all whitened."""
-    _, selection = single(0)
+    selection = single(0)
     comparison = selection.comparison
     nominal: NominalErrors = comparison.nominal
     ledger, white = comparison.options.ledger, nominal.white
-    rows = [slice(a, b) for a, b in _ranges([len(gap) for gap in white.gap])]
+    ends = np.cumsum([0, *map(len, white.gap)])
+    rows = [slice(begin, end) for begin, end in pairwise(ends)]
     model = np.zeros((rows[-1].stop, ledger.parameters))
     for part, one, matrix in zip(rows, ledger.joints, white.model, strict=True):
         model[part, one.columns] = matrix
@@ -229,11 +226,6 @@ def test_evidence_of_a_model_is_that_of_the_dense_formula() -> None:
     dense = 0.5 * gap @ gap - 0.5 * gap @ np.linalg.solve(covariance, gap) - 0.5 * logdet
     assert sign > 0
     assert ModelWithTerms(nominal, (term,)).level == pytest.approx(dense, rel=1e-6)
-
-
-def _ranges(lengths: list[int]) -> list[tuple[int, int]]:
-    ends = np.cumsum([0, *lengths])
-    return [(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_acts_there(data):

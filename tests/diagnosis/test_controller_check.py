@@ -23,6 +23,11 @@ from tests.diagnosis.test_answer import cause
 from tests.estimation.test_simulated_arms import recorded
 
 
+@pytest.fixture(scope="module")
+def signals(data: Baseline) -> JointSignals:
+    return data.prepared.motions[0].signals
+
+
 def diagnosed(arm: SimulatedArm, seed: int, **gains: np.ndarray) -> Baseline:
     """Data of a robot with other gains than those that are configured."""
     robot = replace(arm, law=replace(arm.law, **gains))  # type: ignore[arg-type]
@@ -87,9 +92,8 @@ def test_commands_stamped_too_early_are_no_other_law(arm, late, names) -> None:
 
 
 @pytest.mark.parametrize("beyond", [2.0, 1e6])
-def test_references_of_something_else_are_no_other_law(arm: SimulatedArm, data, beyond) -> None:
+def test_references_of_something_else_are_no_other_law(data, signals, beyond: float) -> None:
     """A step that the robot did not follow; and commands that are always at their limit."""
-    signals = data.prepared.motions[0].signals
     reference = signals.position_reference.copy()
     reference[:, 0] += beyond * (np.arange(len(reference)) > 0.4 * len(reference) * (beyond < 1e3))
     law = check_law(with_signals(data, position_reference=reference))
@@ -99,9 +103,8 @@ def test_references_of_something_else_are_no_other_law(arm: SimulatedArm, data, 
 def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
     """They push the robot, and the errors that the law answers follow each of them."""
     rng = np.random.default_rng(4)
-    samples = len(arm.position_reference)
-    pulses = np.zeros((samples, 2))
-    for start in rng.choice(np.arange(200, samples - 200, 400), 10, replace=False):
+    pulses = np.zeros_like(arm.position_reference)
+    for start in rng.choice(np.arange(200, len(pulses) - 200, 400), 10, replace=False):
         pulses[start : start + 20, 0] = rng.choice([-25.0, 25.0])
     result = simulate_closed_loop(
         arm.robot,
@@ -123,9 +126,8 @@ def test_pulses_in_the_command_are_no_other_law(arm: SimulatedArm) -> None:
         effort=replace(plain.effort, values=result.torque + pulses + noise),
     )
     check = check_law(baseline([moved], arm.configuration))
-    assert check.causes == ()
     (sentence,) = check.beyond
-    assert sentence.startswith("the commands of joint_1 hold")
+    assert check.causes == () and sentence.startswith("the commands of joint_1 hold")
     gains = arm.law.kd * [0.7, 1.0]
     assert [cause.joint for cause in causes_of(arm, 1, kd=gains)] == ["joint_1"]
 
@@ -147,9 +149,9 @@ def commands(
 @pytest.mark.parametrize(
     ("factor", "late"), [(1.0, 0.0), (0.45, 0.0), (0.12, 0.0), (0.6, 8.0), (0.12, 8.0)]
 )
-def test_a_filtered_speed_is_no_mismatch(arm, data, factor: float, late: float) -> None:
+def test_a_filtered_speed_is_no_mismatch(arm, data, signals, factor: float, late: float) -> None:
     """Nor is it where efforts are recorded as many samples late."""
-    effort, _ = commands(arm, data.prepared.motions[0].signals, factor)
+    effort, _ = commands(arm, signals, factor)
     changed = commanded(data, delayed(effort, [late, late]))
     chosen = law_speed(changed.commands)
     assert chosen.kind == "filtered"
@@ -158,19 +160,16 @@ def test_a_filtered_speed_is_no_mismatch(arm, data, factor: float, late: float) 
 
 
 @pytest.mark.parametrize(("factor", "names"), [(0.1, []), (1.0, ["kd"])])
-def test_a_speed_that_is_late_by_many_periods_is_no_other_gain(arm, data, factor, names) -> None:
+def test_a_speed_late_by_many_periods_is_no_other_gain(arm, data, signals, factor, names) -> None:
     """Where the speed is not chosen well, gains stand for it: errors of time tell."""
-    motions = data.prepared.motions
-    effort, _ = commands(arm, motions[0].signals, factor, scale=1.0 if factor < 1.0 else 1.4)
+    effort, _ = commands(arm, signals, factor, scale=1.0 if factor < 1.0 else 1.4)
     motions = commanded(data, effort).prepared.motions
     rows = LawCommands(motions, arm.law).late(0, LawSpeed())
     assert rows is not None
-    change = law_change(rows)
-    assert list(change.changes) == names
+    assert list(law_change(rows).changes) == names
 
 
-def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> None:
-    signals = data.prepared.motions[0].signals
+def test_the_recorded_velocity_is_tried(arm, data: Baseline, signals: JointSignals) -> None:
     effort, speed = commands(arm, signals, 0.3)
     # An observer that no first-order filter imitates: the mean of a fast and a slow filter.
     _, slow = commands(arm, signals, 0.05)
@@ -181,8 +180,8 @@ def test_the_recorded_velocity_is_tried(arm: SimulatedArm, data: Baseline) -> No
     assert check_law(changed).causes == ()
 
 
-def test_another_gain_beside_a_filtered_speed_is_found(arm: SimulatedArm, data: Baseline) -> None:
-    effort, _ = commands(arm, data.prepared.motions[0].signals, 0.3, scale=1.4)
+def test_another_gain_beside_a_filtered_speed_is_found(arm, data: Baseline, signals) -> None:
+    effort, _ = commands(arm, signals, 0.3, scale=1.4)
     findings = check_law(commanded(data, effort)).causes
     assert {finding.joint for finding in findings} == set(data.joints)
     for finding in findings:
@@ -199,13 +198,12 @@ def delayed(effort: np.ndarray, periods: list[float]) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured_late(arm, data):
-    signals = data.prepared.motions[0].signals
+def test_a_lag_of_all_joints_is_the_recording_s_as_far_as_it_is_measured_late(arm, data, signals):
     effort, _ = commands(arm, signals, 0.3)
     period = 1.0 / signals.rate
     late = commanded(data, delayed(effort, [3.0, 3.0]))
-    assert check_law(late, shift=EffectParameter(-1.5 * period, 0.0, "s")).causes == ()
-    assert check_law(late, shift=EffectParameter(-1.5 * period, 0.0, "s")).delay == ()
+    check = check_law(late, shift=EffectParameter(-1.5 * period, 0.0, "s"))
+    assert check.causes == check.delay == ()
     # Half a period more until they act makes it longer than the loop of the configuration.
     check = check_law(late, shift=EffectParameter(0.5 * period, 0.0, "s"))
     assert check.causes == ()
@@ -217,8 +215,7 @@ def test_a_lag_that_all_joints_share_is_the_recording_s_as_far_as_it_is_measured
     assert delay.std < 0.3 * period
 
 
-def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data) -> None:
-    signals = data.prepared.motions[0].signals
+def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data, signals) -> None:
     effort, _ = commands(arm, signals, 0.3)
     late = commanded(data, delayed(effort, [0.5, 3.5]))
     (finding,) = check_law(late, shift=EffectParameter(-3.0 / signals.rate, 0.0, "s")).causes
@@ -230,9 +227,8 @@ def test_a_lag_beyond_that_of_the_other_joint_is_the_law_s(arm, data) -> None:
     assert check_law(late, shift=common, of_joints={joint: recorded_late}).causes == ()
 
 
-def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(arm, data) -> None:
+def test_commands_far_beyond_the_limit_do_not_reach_the_samples_near_them(arm, data, signals):
     """Steps of the reference that ask for several times the limit, as a robot that clips them."""
-    signals = data.prepared.motions[0].signals
     time = np.arange(len(signals.position)) / signals.rate
     wanted = signals.position_reference.copy()
     for begin in (2.0, 5.0, 9.0):
@@ -244,13 +240,11 @@ def test_commands_far_beyond_the_limit_do_not_reach_the_samples_beside_them(arm,
     changed = with_signals(data, position_reference=wanted, torque=np.clip(effort, -limit, limit))
     assert law_speed(changed.commands).factor == pytest.approx(0.3, rel=0.05)
     check = check_law(changed)
-    assert check.causes == ()
-    assert check.beyond == ()
+    assert check.causes == check.beyond == ()
 
 
-def test_a_feedforward_over_the_acceleration_is_no_late_speed(arm, data) -> None:
+def test_a_feedforward_over_the_acceleration_is_no_late_speed(arm, data, signals) -> None:
     """Of 10 ms times kd, it looks like one of a speed that is filtered as much."""
-    signals = data.prepared.motions[0].signals
     assert signals.velocity_reference is not None
     forward = 10e-3 * arm.law.kd
     wanted = np.gradient(signals.velocity_reference, 1.0 / signals.rate, axis=0)

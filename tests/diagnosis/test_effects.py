@@ -36,10 +36,10 @@ from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.simulation import inverse_dynamics
-from tests.diagnosis.motions import gravity_and_coriolis, synthetic
+from tests.diagnosis.motions import added_by, gravity_and_coriolis, synthetic, without_jumps
 
 BY_NAME: dict[str, Effect] = {effect.name: effect for effect in STRUCTURAL}
+BOTH_WAYS = LoadShape(1.0, 5.0, True, Load.LINKS)
 FloatArray = np.ndarray
 
 
@@ -65,9 +65,9 @@ def joint_range_of(motion: SmoothMotion, joint: int) -> JointRange:
 
 
 def total(
-    motion: SmoothMotion, name: str, shape: Shape, values: list[float], joint: int = 1
+    motion: SmoothMotion, name: str, shape: Shape, values: list[float]
 ) -> dict[int, FloatArray]:
-    place = Place(0, 1) if name == "joint_coupling" else Place(joint)
+    place = Place(0, 1) if name == "joint_coupling" else Place(1)
     columns = BY_NAME[name].columns(motion, place, shape)
     return {j: rows @ np.asarray(values) for j, rows in columns.items()}
 
@@ -175,9 +175,7 @@ def test_coupled_joints_share_the_friction_of_their_common_part(sign: float) -> 
 
 
 def test_a_late_torque_is_the_torque_of_later() -> None:
-    motion = synthetic()
-    without_jumps = replace(motion.whole, coulomb=np.zeros(2))
-    motion = replace(motion, whole=without_jumps)
+    motion = without_jumps(synthetic())
     delay = 0.006
     torques = total(motion, "time_delay", DelayShape(delay), [1.0])[1]
     torque = motion.torque[:, 1]
@@ -191,14 +189,12 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
     motion = synthetic()
     size = 1e-3
     torques = total(motion, "encoder_eccentricity", DiscShape(True), [0.0, 0.0, size, 0.0])
-    q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
-    angle, speed, change = q[:, 1].copy(), v[:, 1].copy(), a[:, 1].copy()
-    q[:, 1] -= size * np.sin(2 * angle)
-    v[:, 1] -= size * 2 * speed * np.cos(2 * angle)
-    a[:, 1] -= size * (2 * change * np.cos(2 * angle) - 4 * speed**2 * np.sin(2 * angle))
-    expected = inverse_dynamics(motion.robot, motion.whole, q, v, a) - inverse_dynamics(
-        motion.robot, motion.whole, motion.position, motion.velocity, motion.acceleration
+    angle, speed, change = (
+        x[:, 1] for x in (motion.position, motion.velocity, motion.acceleration)
     )
+    sine, cosine = np.sin(2 * angle), np.cos(2 * angle)
+    error = sine, 2 * speed * cosine, 2 * change * cosine - 4 * speed**2 * sine
+    expected = added_by(motion, motion.whole, *(-size * wave for wave in error))
     # Not where the friction changes its sign.
     calm = np.abs(motion.velocity[:, 1]) > 0.02
     calm[:3] = calm[-3:] = False
@@ -210,11 +206,7 @@ def test_a_disc_off_its_centre_moves_the_torques_of_a_wrong_motion() -> None:
 def test_a_wrong_zero_turns_what_is_behind_the_joint() -> None:
     motion = synthetic()
     torques = total(motion, "encoder_offset", Shape(), [2e-3])
-    turned = motion.position - np.array([0.0, 2e-3])
-    velocity, acceleration = motion.velocity, motion.acceleration
-    robot, whole = motion.robot, motion.whole
-    expected = inverse_dynamics(robot, whole, turned, velocity, acceleration)
-    expected -= inverse_dynamics(robot, whole, motion.position, velocity, acceleration)
+    expected = added_by(motion, motion.whole, -2e-3, 0.0, 0.0)
     for joint in (0, 1):
         largest = np.abs(expected[:, joint]).max()
         assert np.abs(torques[joint] - expected[:, joint]).max() < 0.01 * largest
@@ -235,7 +227,7 @@ def test_shapes_of_a_moving_joint_give_finite_torques_of_one_width(effect: Effec
             widths = {rows.shape for rows in columns.values()}
             assert len(widths) == 1
             assert all(np.isfinite(rows).all() for rows in columns.values())
-            width = next(iter(widths))[1]
+            width = widths.pop()[1]
             numbers = effect.parameters(shape, np.full(width, 0.7), np.full(width, 0.1))
             assert all(np.isfinite(parameter.value) for parameter in numbers.values())
             for step in (0.3, 0.07):
@@ -324,12 +316,7 @@ def test_a_joint_that_slides_has_screws_plays_and_bristles_of_its_own_size() -> 
 @pytest.mark.parametrize(
     ("name", "shape", "common", "large"),
     [
-        (
-            "load_dependent_friction",
-            LoadShape(1.0, 5.0, True, Load.LINKS),
-            [0.05, 0.09],
-            [0.05, 0.11],
-        ),
+        ("load_dependent_friction", BOTH_WAYS, [0.05, 0.09], [0.05, 0.11]),
         ("time_delay", DelayShape(0.002), [0.9], [1.1]),
         ("encoder_eccentricity", DiscShape(False), [0.001, -0.0019], [0.001, -0.0021]),
         ("elasticity", ShaftShape(0.1 * (2 * np.pi * 11.0) ** 2, 1.0), [0.9], [1.1]),
@@ -408,7 +395,7 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
     [
         ("stribeck", StribeckShape(0.1, 1.0), [0.3], [-0.3]),
         ("nonlinear_viscous", PowerShape(2.0), [0.3], [-0.3]),
-        ("load_dependent_friction", LoadShape(1.0, 5.0, True, Load.LINKS), [0.1, 0.2], [0.1, -0.2]),
+        ("load_dependent_friction", BOTH_WAYS, [0.1, 0.2], [0.1, -0.2]),
         ("presliding", BristleShape((0.01, 0.1)), [0.1, 0.2], [0.1, -0.2]),
         ("backlash", BacklashShape(0.01, 1e3, 1.0, 1.0), [1.0], [-1.0]),
         ("elasticity", ShaftShape(1e3, 1.0), [1.0], [-1.0]),
@@ -427,10 +414,8 @@ def test_what_is_simulated_uses_the_laws_that_the_file_declares(cause: Cause) ->
 def test_physics_forbids_signs_and_sizes(name, shape, good, bad) -> None:
     effect = BY_NAME[name]
     assert effect.admissible(shape, np.array(good))
-    if bad is None:
-        assert effect.admissible(shape, -np.array(good))
-    else:
-        assert not effect.admissible(shape, np.array(bad))
+    other = -np.array(good) if bad is None else np.array(bad)
+    assert effect.admissible(shape, other) == (bad is None)
 
 
 @pytest.mark.parametrize(
@@ -449,8 +434,8 @@ def test_numbers_of_an_engineer(effect, shape, coefficient, name, value, std) ->
     assert (numbers[name].value, numbers[name].std) == (pytest.approx(value), pytest.approx(std))
 
 
-_INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
-_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+_INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")  # as pinocchio has them
+POINT = ("mass", "moment_x", "moment_y", "moment_z")
 
 
 @pytest.fixture(scope="module")
@@ -466,26 +451,13 @@ def body(mass: float, centre: tuple[float, float, float]) -> dict[str, float]:
     """The ten numbers of a box of 0.1 × 0.2 × 0.3 m about the link's frame, by pinocchio."""
     box = pin.Inertia.FromBox(mass, 0.1, 0.2, 0.3)
     moved = pin.Inertia(mass, np.array(centre), box.inertia)
-    about = moved.toDynamicParameters()[4:]
-    matrix = np.array([[about[0], about[1], about[3]], [about[1], about[2], about[4]],
-                       [about[3], about[4], about[5]]])  # fmt: skip
-    numbers = {"mass": mass}
-    numbers |= {f"moment_{axis}": mass * value for axis, value in zip("xyz", centre, strict=True)}
-    return numbers | {
-        f"inertia_{name}": float(matrix[place])
-        for name, place in zip(_INERTIA, _PLACES, strict=True)
-    }
+    names = (*POINT, *(f"inertia_{name}" for name in _INERTIA))
+    return dict(zip(names, moved.toDynamicParameters().tolist(), strict=True))
 
 
-def allowed(
-    space: ParameterSpace, numbers: Mapping[str, float], std: float = 1e-4, unknown: str = ""
-) -> bool:
+def allowed(space: ParameterSpace, numbers: Mapping[str, float], std: float = 1e-4) -> bool:
     none = np.zeros(space.size)
-    estimates = [
-        Estimated(Change(name, "", none), value, std)
-        for name, value in numbers.items()
-        if name != unknown
-    ]
+    estimates = [Estimated(Change(name, "", none), size, std) for name, size in numbers.items()]
     return Payload().admissible(space, space.joints - 1, estimates)
 
 
@@ -497,7 +469,7 @@ def test_bodies_are_allowed(space: ParameterSpace, centre: tuple[float, float, f
 def test_a_centre_beyond_the_size_of_the_arm_is_none(space: ParameterSpace) -> None:
     far = body(0.5, (20.0, 0.0, 0.0))
     assert not allowed(space, far)
-    point = {name: far[name] for name in ("mass", "moment_x", "moment_y", "moment_z")}
+    point = {name: far[name] for name in POINT}
     assert not allowed(space, point)
     assert allowed(space, point, std=4.0)  # it may be near: so wide is the interval
 
@@ -517,11 +489,9 @@ def test_numbers_that_no_body_has_are_none(space: ParameterSpace, name: str, val
 
 
 def test_a_part_that_is_not_there_is_a_body_with_the_other_sign(space: ParameterSpace) -> None:
-    joint = space.joints - 1
-    there = space.model.robot.given.inertial[joint]
-    assert there[0] > 0.2
+    assert space.model.robot.given.inertial[space.joints - 1, 0] > 0.2
     part = {name: -value for name, value in body(0.2, (0.05, 0.0, 0.02)).items()}
-    point = {name: part[name] for name in ("mass", "moment_x", "moment_y", "moment_z")}
+    point = {name: part[name] for name in POINT}
     assert allowed(space, point)
     assert not allowed(space, point | {"moment_x": 5.0})
 

@@ -10,7 +10,7 @@ import pytest
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.smooth_motion import corrected_motions, high_passed
@@ -50,18 +50,14 @@ def sines(seconds: float = 20.0, seed: int = 0) -> list[np.ndarray]:
 
 def other_loop(states: list[np.ndarray], order: int) -> np.ndarray:
     """The same derivative where the loop is 2 % weaker, 3 ms later, and the joints are coupled."""
-    crossed = states[order][:, ::-1]
-    return (
-        0.98 * states[order] - 3e-3 * states[order + 1] + 4e-6 * states[order + 2] + 0.01 * crossed
-    )
+    here, first, second = states[order : order + 3]
+    return 0.98 * here - 3e-3 * first + 4e-6 * second + 0.01 * here[:, ::-1]
 
 
 def difference(one: list[np.ndarray], other: list[np.ndarray]) -> float:
     """Of two accelerations where the motions join and above, as a share of the first's."""
     inner = slice(500, -500)
-    rest, whole = (
-        high_passed(states, RATE, CUTOFF)[inner] for states in (one[2] - other[2], one[2])
-    )
+    rest, whole = (high_passed(x, RATE, CUTOFF)[inner] for x in (one[2] - other[2], one[2]))
     return float(np.std(rest) / np.std(whole))
 
 
@@ -112,14 +108,12 @@ def tracking(data: Baseline) -> np.ndarray:
 
 def with_exact_speed(data: Baseline) -> Baseline:
     source = data.sources.sources[0]
-    assert isinstance(source, SimulatedLoop)
     exact = replace(source, laws=tuple(replace(law, speed_factor=None) for law in source.laws))
     return replace(data, sources=replace(data.sources, sources=(exact, *data.sources.sources[1:])))
 
 
 def test_the_filter_is_found_and_the_loop_moves_as_the_robot(data: Baseline) -> None:
-    factor = law_of(data).speed_factor
-    assert factor == pytest.approx(FACTOR, rel=0.1)
+    assert law_of(data).speed_factor == pytest.approx(FACTOR, rel=0.1)
     assert np.all(tracking(data) < 0.25 * tracking(with_exact_speed(data)))
 
 
@@ -157,14 +151,13 @@ def base() -> Baseline:
 
 
 @pytest.fixture(scope="module")
-def regression(base: Baseline) -> Regression:
-    return base.regression
+def fit(base: Baseline) -> Fit:
+    return base.regression.fit()
 
 
-def test_repeats_tell_the_noise_that_was_put_in(base: Baseline, regression: Regression) -> None:
+def test_repeats_tell_the_noise_that_was_put_in(base: Baseline, fit: Fit) -> None:
     repeats = repeats_of(base)
     assert [(r.first, r.second, r.lag) for r in repeats] == [(0, 1, 0)]
-    fit = regression.fit()
     limits = np.asarray(base.prepared.configuration.controller.torque_limit)
     rate, edge = base.prepared.motions[0].signals.rate, base.motions[0].decimation.edge
     # White noise of 0.5 % of the limit, through a filter that passes this share of the band.
@@ -177,27 +170,20 @@ def test_repeats_tell_the_noise_that_was_put_in(base: Baseline, regression: Regr
         assert floor.sigma == colour.sigma
 
 
-def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(base, regression) -> None:
-    configuration = base.prepared.configuration
-    current = replace(
-        base.prepared, configuration=changed(configuration, "signals", effort_unit="A")
-    )
+def test_efforts_in_ampere_are_not_compared_with_a_model_in_newton_metres(base, fit: Fit) -> None:
+    configuration = changed(base.prepared.configuration, "signals", effort_unit="A")
+    current = replace(base.prepared, configuration=configuration)
     ampere = replace(base, prepared=current)
     assert current.given is None
     assert "efforts are in A" in current.why_no_given
-    fit = regression.fit()
-    numbers = [
-        {candidate.kind for candidate in Catalogue(one).candidates} for one in (ampere, base)
-    ]
-    assert [Kind.NUMBER in kinds for kinds in numbers] == [False, True]
+    kinds = [{one.kind for one in Catalogue(data).candidates} for data in (ampere, base)]
+    assert [Kind.NUMBER in some for some in kinds] == [False, True]
     gaps, _ = where(ampere, noise_floors(base, fit, ()))
     assert gaps.joints[0].rms == pytest.approx(np.sqrt(np.mean(fit.residuals[0] ** 2)))
-    units = {regime.unit for regime in gaps.regimes if regime.axis == "load"}
-    assert units <= {"A"}
+    assert {regime.unit for regime in gaps.regimes if regime.axis == "load"} <= {"A"}
 
 
-def test_more_noise_hides_more(base: Baseline, regression: Regression) -> None:
-    fit = regression.fit()
+def test_more_noise_hides_more(base: Baseline, fit: Fit) -> None:
     loud = tuple(
         replace(noise, innovation_variance=900.0 * noise.innovation_variance)
         for noise in fit.noise_models
@@ -210,23 +196,16 @@ def test_more_noise_hides_more(base: Baseline, regression: Regression) -> None:
 
 
 def test_the_refit_tracks_better_than_the_given_model(base: Baseline) -> None:
-    given = base.prepared.given
-    assert given is not None
-    before = simulated_tracking(base, given)
-    after = simulated_tracking(base, base.estimate.linear.values)
-    assert before.rms is not None
-    assert after.rms is not None
+    values = base.prepared.given, base.estimate.linear.values
+    before, after = (simulated_tracking(base, numbers) for numbers in values)
     effect = SimpleNamespace(term=SimpleNamespace(place=Place(0)))
     explanation: Any = SimpleNamespace(fits=(None, None), effects=(effect,))
     (gap,) = simulation_gaps(explanation, [before, after])
-    assert gap is not None
     assert gap.before == pytest.approx(before.rms["joint_1"])
-    assert gap.shrinkage is not None
     assert gap.shrinkage > 0.3
     series = tracking_series(before, after)
     assert len(series) == 4
     assert max(len(one.time) for one in series) <= 1500
-    assert series[0].after is not None
     # Reference less simulated, less reference less measured: what the simulation misses.
     missed = np.sqrt(np.mean([(s.after - s.measured) ** 2 for s in series[::2]]))
     assert missed == pytest.approx(after.rms["joint_1"], rel=0.1)

@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.diagnosis.sentences import reversals
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import inverse_dynamics
-from tests.diagnosis.motions import synthetic
+from tests.diagnosis.motions import added_by, synthetic, without_jumps
 from tests.estimation.test_simulated_arms import recorded
 from tests.inputs import changed
 
@@ -74,24 +74,14 @@ def test_load_is_that_of_the_links_without_drives_and_friction(data: Baseline) -
     """The drive of joint 2 has a parameter of its own; that of joint 1 is grouped with YY1."""
     motion = data.motions[0]
     names, values = data.prepared.model.base.names, data.estimate.linear.values
-    drive = values[names.index("Ia2")]
-    friction = {k: values[names.index(f"{k}2")] for k in ("Fv", "Fc")}
-    expected = (
-        motion.torque[:, 1]
-        - drive * motion.acceleration[:, 1]
-        - friction["Fv"] * motion.velocity[:, 1]
-        - friction["Fc"] * motion.slip[:, 1]
-        - values[names.index("off2")]
-    )
-    np.testing.assert_allclose(motion.load[:, 1], expected, atol=1e-9)
     given = data.prepared.model.robot.given.drive_inertia[0]
-    whole = motion.torque[:, 0] - (
-        values[names.index("Fv1")] * motion.velocity[:, 0]
-        + values[names.index("Fc1")] * motion.slip[:, 0]
-        + values[names.index("off1")]
-    )
-    expected = whole - given * motion.acceleration[:, 0]
-    np.testing.assert_allclose(motion.load[:, 0], expected, atol=1e-9)
+    for joint, drive in enumerate((given, values[names.index("Ia2")])):
+        viscous, dry, offset = (
+            values[names.index(f"{name}{joint + 1}")] for name in ("Fv", "Fc", "off")
+        )
+        friction = viscous * motion.velocity[:, joint] + dry * motion.slip[:, joint] + offset
+        expected = motion.torque[:, joint] - drive * motion.acceleration[:, joint] - friction
+        np.testing.assert_allclose(motion.load[:, joint], expected, atol=1e-9)
 
 
 def test_band_ends_where_noise_of_the_encoders_reaches_eight_times_that_of_the_torques(arm) -> None:
@@ -109,9 +99,7 @@ def test_band_ends_where_noise_of_the_encoders_reaches_eight_times_that_of_the_t
     assert widened([recorded(arm, 1)], configured) is configured
 
 
-def test_noise_of_the_measured_motion_stays_below_the_torque_s_where_no_loop_is_simulated(
-    arm: SimulatedArm,
-) -> None:
+def test_noise_of_a_motion_that_is_not_simulated_stays_below_the_torque_s(arm) -> None:
     """In the columns it passes for a delay, which averages it."""
     model = arm.robot.pinocchio
     links = [np.diag(pin.crba(model, model.createData(), q)) for q in arm.position_reference[::200]]
@@ -192,20 +180,13 @@ def test_what_the_user_says_of_reversals_holds(arm: SimulatedArm, margin: float,
 
 @pytest.mark.parametrize("links", [True, False])
 def test_moved_torques_are_those_of_the_moved_motion(links: bool) -> None:
-    motion = synthetic()
-    motion = replace(motion, whole=replace(motion.whole, coulomb=np.zeros(2)))
+    motion = without_jumps(synthetic())
     w = 3.1
     shift = 1e-3 * np.sin(w * motion.time)
     moved = motion.moved(1, shift, links=links)
-    q, v, a = (x.copy() for x in (motion.position, motion.velocity, motion.acceleration))
-    q[:, 1] += shift
-    v[:, 1] += 1e-3 * w * np.cos(w * motion.time)
-    a[:, 1] -= 1e-3 * w**2 * np.sin(w * motion.time)
+    speed = 1e-3 * w * np.cos(w * motion.time)
     parameters = motion.links if links else motion.whole
-    before = inverse_dynamics(
-        motion.robot, parameters, motion.position, motion.velocity, motion.acceleration
-    )
-    expected = inverse_dynamics(motion.robot, parameters, q, v, a) - before
+    expected = added_by(motion, parameters, shift, speed, -(w**2) * shift)
     inner = slice(3, -3)
     for joint in (0, 1):
         largest = np.abs(expected[:, joint]).max()
@@ -215,17 +196,9 @@ def test_moved_torques_are_those_of_the_moved_motion(links: bool) -> None:
 def test_slope_of_a_load_at_rest_is_that_of_gravity() -> None:
     """A link with first moments (mx, mz) about a level axis: central difference of its torque."""
     motion = synthetic(1.0)
-    still = replace(
-        motion,
-        velocity=np.zeros_like(motion.velocity),
-        acceleration=np.zeros_like(motion.acceleration),
-    )
-    step = 1e-3
-    ends = []
-    for side in (step, -step):
-        q = still.position.copy()
-        q[:, 1] += side
-        ends.append(inverse_dynamics(still.robot, still.links, q, still.velocity, still.velocity))
-    np.testing.assert_allclose(
-        still.slope(1), (ends[0] - ends[1]) / (2 * step), atol=1e-3 * np.abs(ends[0]).max()
-    )
+    rest, step = np.zeros_like(motion.velocity), 1e-3
+    still = replace(motion, velocity=rest, acceleration=rest)
+    ends = [added_by(still, still.links, side, 0.0, 0.0) for side in (step, -step)]
+    within = 1e-3 * np.abs(inverse_dynamics(still.robot, still.links, still.position, rest, rest))
+    slope = (ends[0] - ends[1]) / (2 * step)
+    np.testing.assert_allclose(still.slope(1), slope, atol=within.max())

@@ -13,7 +13,7 @@ from benchmarks.hostile.cells import HostileCell
 from benchmarks.hostile.comparison import changes, comparison_lines, mcnemar
 from benchmarks.hostile.generate import write_cell
 from benchmarks.hostile.judge import judge
-from benchmarks.hostile.nuisances import drawn
+from benchmarks.hostile.nuisances import Nuisances, drawn
 from benchmarks.hostile.plants import chain_of, run
 from benchmarks.withheld_effects.cells import Asked
 from benchmarks.withheld_effects.motion import rich_motion
@@ -21,21 +21,14 @@ from benchmarks.withheld_effects.robot import given_robot, rigid_body_model
 from benchmarks.withheld_effects.world import World, plain_world
 from idim_iv_ros import load_configuration
 from idim_iv_ros.identification.prepare import read_configured
+from tests.benchmarks.withheld_effects.test_score import cause, gap, label, truth
 
 SEED = 3
-QUIET = {
-    "computing": 0.0,
-    "lateness": 0.0,
-    "slot": 0.0,
-    "bits": 40.0,
-    "encoder_noise": 0.0,
-    "torque_noise": 0.0,
-    "warm_dry": 0.0,
-    "warm_viscous": 0.0,
-}
+QUIET = dict.fromkeys(("computing", "lateness", "slot", "encoder_noise", "torque_noise"), 0.0)
+QUIET |= {"bits": 40.0, "warm_dry": 0.0, "warm_viscous": 0.0}
 
 
-def smooth_world() -> World:
+def smooth_world() -> tuple[World, Nuisances]:
     """An arm without dry friction and noise, whose torque MuJoCo's inverse dynamics knows."""
     given = given_robot("arm2")
     world = plain_world(given, np.random.default_rng(0), altered=False)
@@ -43,18 +36,16 @@ def smooth_world() -> World:
     drive = world.drive._replace(dry_forward=zero, dry_backward=zero)
     nuisances = replace(drawn(np.random.default_rng(0), given, identified=True), **QUIET)
     sensors = replace(nuisances.sensors(given), velocity=zero)
-    return replace(world, drive=drive, sensors=sensors)
+    return replace(world, drive=drive, sensors=sensors), nuisances
 
 
 @pytest.mark.bench
 @pytest.mark.parametrize("plant", ["time_stepping", "mujoco"])
 def test_torque_of_a_plant_without_friction_is_that_of_the_inverse_dynamics(plant: str) -> None:
-    world = smooth_world()
+    world, nuisances = smooth_world()
     given, period = world.given, world.controller.period
     motion = rich_motion(given, np.random.default_rng(1), 4.0)
-    nuisances = replace(drawn(np.random.default_rng(0), given, identified=True), **QUIET)
-    heat = np.zeros(2)
-    made = run(world, plant, chain_of(nuisances, 2), motion, 5, heat)
+    made = run(world, plant, chain_of(nuisances, 2), motion, 5, np.zeros(2))
     position = made.recorded.position
     velocity = np.gradient(position, period, axis=0)
     acceleration = np.gradient(velocity, period, axis=0)
@@ -91,84 +82,36 @@ def test_a_cell_can_be_read_and_its_configuration_does_not_tell_the_truth(
         (recording,) = read_configured([bag], configuration, None)
         assert recording.position.values.shape[1] == 2
         assert np.isfinite(recording.effort.values).all()
-    label = json.loads((tmp_path / ".sealed" / "one.json").read_text(encoding="utf-8"))
-    assert label["effects"][0]["effect"] == "stribeck"
-    assert label["effects"][0]["joint"] == "joint_2"
-
-
-def answer(*causes: tuple[str, str, str | None, list[tuple[str, str | None]]]) -> dict:
-    """A gap.json with these causes: effect, kind, joint, and what they cannot be told from."""
-    return {
-        "format": "idim_iv_ros/gap/1",
-        "verdict": "structural",
-        "causes": [
-            {
-                "effect": effect,
-                "kind": kind,
-                "joint": joint,
-                "indistinguishable_from": [
-                    {"effect": name, "joint": place, "correlation": 1.0} for name, place in others
-                ],
-                "torque_gap": {"before": 1.0, "after": 0.5},
-                "parameters": {"mass": {"value": 1.1, "std": 0.1, "unit": "kg"}},
-            }
-            for effect, kind, joint, others in causes
-        ],
-    }
-
-
-def label(
-    *effects: tuple[str, str | None],
-    also_true: tuple[tuple[str, str | None], ...] = (),
-    group: str = "single",
-) -> dict:
-    return {
-        "group": group,
-        "robot": "arm2",
-        "joints": 2,
-        "plant": "mujoco",
-        "seconds": [10.0],
-        "numbers_off": False,
-        "also_true": [{"effect": name, "joint": joint} for name, joint in also_true],
-        "effects": [
-            {
-                "effect": name,
-                "joint": joint,
-                "joints": [],
-                "kind": "structural",
-                "mass": 1.0,
-                "rho": 1.0,
-                "strength": 1.0,
-            }
-            for name, joint in effects
-        ],
-    }
+    sealed = json.loads((tmp_path / ".sealed" / "one.json").read_text(encoding="utf-8"))
+    first = sealed["effects"][0]
+    assert (first["effect"], first["joint"]) == ("stribeck", "joint_2")
 
 
 BACKLASH = ("backlash", "joint_1")
+TRUTH = {**truth(*BACKLASH, rho=1.0), "mass": 1.0, "strength": 1.0}
+CELL = {"joints": 2, "plant": "mujoco", "seconds": [10.0], "numbers_off": False}
+LABEL = {**label(TRUTH), **CELL, "also_true": []}
 
 
-def test_a_truth_is_a_hit_where_it_stands_first_or_second_in_a_set_and_is_only_named_third() -> (
-    None
-):
-    presliding = ("presliding", "structural", "joint_1")
-    second = judge(label(BACKLASH), answer((*presliding, [BACKLASH])), 1.0)
+def test_a_truth_is_a_hit_where_it_stands_first_or_second_in_a_set_and_only_named_third() -> None:
+    second = judge(LABEL, gap(cause("presliding", alike=[BACKLASH])), 1.0)
     assert second.ranked[0].hit and not second.false_names and second.sets == (2,)
-    third = judge(label(BACKLASH), answer((*presliding, [("spring", "joint_1"), BACKLASH])), 1.0)
+    alike = [("spring", "joint_1"), BACKLASH]
+    third = judge(LABEL, gap(cause("presliding", alike=alike)), 1.0)
     assert not third.ranked[0].hit and third.ranked[0].anywhere and not third.false_names
 
 
 def test_a_cause_that_has_nothing_to_do_with_the_truth_is_no_hit() -> None:
     """A set of one in which the truth is not is a miss, whatever the place that is asked for."""
-    score = judge(label(BACKLASH), answer(("backlash", "structural", "joint_2", [])), 1.0)
+    score = judge(LABEL, gap(cause("backlash", "joint_2")), 1.0)
     assert not score.ranked[0].hit and not score.ranked[0].anywhere and not score.ranked[0].first
     assert score.false_names == ("backlash[joint_2]",)
     assert score.outcome == "missed + false"
 
 
 def test_two_versions_differ_by_the_cells_that_only_one_has_right() -> None:
-    hit = judge(label(BACKLASH), answer(("backlash", "structural", "joint_1", [])), 1.0)
-    missed = judge(label(BACKLASH), answer(), 1.0)
+    hit = judge(LABEL, gap(cause(*BACKLASH)), 1.0)
+    missed = judge(LABEL, gap(), 1.0)
     first = {f"{k}": missed for k in range(8)} | {"8": hit, "9": hit}
     second = {f"{k}": hit for k in range(8)} | {"8": missed, "9": hit}
     gained, lost = changes(first, second, lambda cell: cell.right)

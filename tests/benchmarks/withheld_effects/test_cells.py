@@ -22,6 +22,7 @@ from tests.benchmarks.withheld_effects.sessions import courses, silent, world
 SINGLE = Cell(7, "single", "arm2", True, (Asked("stribeck", 1, 1.0),), seconds=5.0)
 CLEAN = Cell(8, "none", "arm2", False, seconds=5.0)
 CELLS = {"aaaaaaaaaaaa": SINGLE, "bbbbbbbbbbbb": CLEAN}
+pytestmark = pytest.mark.bench
 
 
 @pytest.fixture(scope="module")
@@ -37,40 +38,28 @@ def written(tmp_path_factory):
     return out
 
 
-@pytest.mark.bench
 def test_folders_tell_nothing_of_the_label(written):
-    out = written
-    contents = []
-    for name in CELLS:
-        folder = out / "cells" / name
-        contents.append(sorted(path.name for path in folder.iterdir()))
-        for path in folder.iterdir():
-            assert b"stribeck" not in path.read_bytes()
-        assert (folder / "robot.yaml").read_bytes() == (
-            out / "cells" / "bbbbbbbbbbbb" / "robot.yaml"
-        ).read_bytes()
-    assert contents[0] == contents[1]
+    folders = [written / "cells" / name for name in CELLS]
+    first, second = ({path.name: path.read_bytes() for path in f.iterdir()} for f in folders)
+    assert first.keys() == second.keys()
+    assert first["robot.yaml"] == second["robot.yaml"]
+    assert not any(b"stribeck" in content for content in (*first.values(), *second.values()))
 
 
-@pytest.mark.bench
 def test_labels_are_sealed_and_a_changed_one_is_refused(written):
-    out = written
-    text = (out / LABELS).read_text()
-    assert (out / SEAL).read_text().split()[0] == hashlib.sha256(text.encode()).hexdigest()
-    label = open_labels(out)["aaaaaaaaaaaa"]
+    text = (written / LABELS).read_text()
+    assert (written / SEAL).read_text().split()[0] == hashlib.sha256(text.encode()).hexdigest()
+    label = open_labels(written)["aaaaaaaaaaaa"]
     (effect,) = label["effects"]
     assert (effect["effect"], effect["joint"]) == ("stribeck", "joint_2")
     assert effect["rho"] == pytest.approx(1.0, rel=0.15)
     assert label["residual_rms"]["with"]["joint_2"] > label["residual_rms"]["without"]["joint_2"]
-    (out / LABELS).write_text(text.replace("stribeck", "backlash"))
+    (written / LABELS).write_text(text.replace("stribeck", "backlash"))
     try:
         with pytest.raises(ValueError, match="sealed"):
-            open_labels(out)
+            open_labels(written)
     finally:
-        (out / LABELS).write_text(text)
-
-
-pytestmark = pytest.mark.bench
+        (written / LABELS).write_text(text)
 
 
 @pytest.mark.parametrize("robot", ["arm2", "arm6"])
@@ -154,9 +143,14 @@ def tolerated(cells: list[CellScore], share: float) -> int:
     return int(share * len(cells))
 
 
-def test_nothing_is_found_where_nothing_is(scores: list[CellScore]) -> None:
-    quiet = [cell for cell in of_group(scores, "none") if not cell.label["without"]]
-    assert sum(bool(cell.false_alarms) for cell in quiet) <= tolerated(quiet, 1 / 12)
+@pytest.mark.parametrize(
+    ("groups", "share"),
+    [(("none",), 1 / 12), (("outside",), 1 / 4), (("poor", "coloured", "jitter"), 1 / 5)],
+    ids=["nothing", "outside the catalogue", "poor motions, coloured noise, uneven stamps"],
+)
+def test_what_is_not_there_is_not_named(scores: list[CellScore], groups, share: float) -> None:
+    cells = [cell for cell in of_group(scores, *groups) if not cell.label["without"]]
+    assert sum(bool(cell.false_alarms) for cell in cells) <= tolerated(cells, share)
 
 
 def test_right_effect_at_the_right_joint_comes_first(scores: list[CellScore]) -> None:
@@ -174,15 +168,3 @@ def test_both_of_a_pair_are_found(scores: list[CellScore]) -> None:
 
 def test_wrong_numbers_are_found(scores: list[CellScore]) -> None:
     assert all(cell.first for cell in of_group(scores, "parametric"))
-
-
-def test_what_is_not_in_the_catalogue_is_not_misnamed(scores: list[CellScore]) -> None:
-    outside = of_group(scores, "outside")
-    assert sum(bool(cell.false_alarms) for cell in outside) <= tolerated(outside, 1 / 4)
-
-
-def test_poor_motions_coloured_noise_and_uneven_stamps_are_not_misnamed(
-    scores: list[CellScore],
-) -> None:
-    disturbed = of_group(scores, "poor", "coloured", "jitter")
-    assert sum(bool(cell.false_alarms) for cell in disturbed) <= tolerated(disturbed, 1 / 5)
