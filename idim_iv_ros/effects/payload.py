@@ -60,7 +60,8 @@ class Payload(ParametricEffect):
             return variants
         axis = "xyz"[int(turns.argmax())]
         centred = {"mass", f"moment_{axis}", "inertia_xx", "inertia_yy", "inertia_zz"}
-        return variants + [[c for c in variant if c.name in centred] for variant in variants]
+        of_tools = [[c for c in variant if c.name in centred] for variant in variants]
+        return variants + [variant for variant in of_tools if variant]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
