@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.effects.effect import Shape
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 
@@ -246,7 +247,9 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
         reason, outside = _why_no_cause(term, beyond)
-        whole = of_set(values, term.key.effect)
+        # What may be an error of the signals as well is no cause by that part of its set.
+        of_signals = sum(weight for key, weight in term.rivals if key.effect not in BY_NAME)
+        whole = of_set(values, term.key.effect) * (1.0 - of_signals)
         unsure = whole if not reason and whole < settings.LEAST_PROBABILITY else None
         if unsure is not None:
             reason = sentences.too_unsure(unsure, times)
