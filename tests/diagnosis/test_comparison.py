@@ -82,7 +82,8 @@ def test_a_gain_that_ripples_is_no_torque_that_ripples(data: Baseline, of_gain: 
         wave = np.sin(31.0 * m.position[:, 0] + 0.4)
         return np.asarray(0.04 * m.torque[:, 0] * wave if of_gain else 0.4 * wave)
 
-    (term,) = selected(data, world(data, 20, 0, torque)).terms
+    selection = selected(data, world(data, 20, 0, torque))
+    (term,) = selection.terms
     assert term.key[:2] == ("gain_ripple" if of_gain else "position_ripple", 0)
     assert dict(term.rivals)[term.key] > 0.99
     assert term.shape is not None and term.shape.numbers[0] == pytest.approx(31.0, rel=0.01)
@@ -95,6 +96,13 @@ def test_a_gain_that_ripples_is_no_torque_that_ripples(data: Baseline, of_gain: 
         as_likely = replace(term, rivals=((term.key, 0.55), (rival, 0.45)))
         (note,) = signal_notes(data.joints, [as_likely])
         assert "position ripple of joint_1 (45 %)" in note
+    else:  # and were it as likely the gain's, it would be no cause
+        rival = term.key._replace(effect="gain_ripple")
+        as_likely = replace(term, rivals=((term.key, 0.55), (rival, 0.45)))
+        assert [effect.term.key for effect in explained(selection).effects] == [term.key]
+        explanation = explained(replace(selection, terms=(as_likely,)))
+        (hint,) = explanation.doubtful
+        assert not explanation.effects and hint.too_unsure == pytest.approx(0.55, abs=0.02)
 
 
 @pytest.mark.parametrize("one_sided", [True, False], ids=["stop", "spring"])
