@@ -210,13 +210,11 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
             deviations=deviations,
             basis=np.eye(len(values)),
             size=float(whole.max()),
-            log_prior=0.0,
             evidence=evidence,
             presence=1.0,
             whole=whole,
             visible=whole,
             rivals=((candidate.key, 1.0),),
-            dispersion=1.0,
         )
         made.append(AssessedTerm(term, np.zeros(0), LIMITS[1], "", ""))
     return tuple(made)

@@ -93,7 +93,7 @@ class Comparison:
             log_bayes_factor(z[None] / np.sqrt(dispersion), values[None] / dispersion, misfit)[0]
         )
         odds = evidence + self.prior.odds_of_presence(term.key)
-        plain = {joint: table @ term.basis for joint, table in term.columns.items()}
+        plain = term.unit_columns
         left = model.uncovered(products.moved @ term.basis, plain, crossed)
         return replace(
             term,
@@ -352,14 +352,7 @@ class _Ranking:
             coefficients=none,
             deviations=none,
             basis=basis,
-            size=0.0,
             log_prior=float(self.comparison.prior.log[option]),
-            evidence=0.0,
-            presence=0.0,
-            whole=none,
-            visible=none,
-            rivals=(),
-            dispersion=1.0,
         )
 
     def _term(
@@ -373,7 +366,7 @@ class _Ranking:
         comparison, options, row = self.comparison, self.comparison.options, kept[0]
         prior, nominal, option = comparison.prior, comparison.nominal, int(self.order[row])
         bare = self._bare(option)
-        plain = nominal.columns(option)
+        plain = bare.unit_columns
         left = self.model.uncovered(nominal.moved(option), plain, self.model.crossed(option))
         whole, visible = comparison.shares(bare.candidate, self.model.terms, plain, left, unit)
         keys: dict[Key, float] = {}

@@ -6,7 +6,7 @@ in the same way, so that what they change is of their own low rank.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -34,7 +34,8 @@ class Term:
     `presence`: posterior probability against nothing, before calibration; `whole`, `visible`
     (n_joints,): share of the torque that it has, and that counts beside errors and other terms;
     `rivals`: other effects and places with their weights, together with its own one; `dispersion`:
-    variance of its score over blocks of time over that of the model.
+    variance of its score over blocks of time over that of the model. Of a term of which nothing is
+    estimated these are left out.
     """
 
     candidate: Candidate
@@ -43,14 +44,14 @@ class Term:
     coefficients: FloatArray
     deviations: FloatArray
     basis: FloatArray
-    size: float
-    log_prior: float
-    evidence: float
-    presence: float
-    whole: FloatArray
-    visible: FloatArray
-    rivals: tuple[tuple[Key, float], ...]
-    dispersion: float
+    size: float = 0.0
+    log_prior: float = 0.0
+    evidence: float = 0.0
+    presence: float = 0.0
+    whole: FloatArray = field(default_factory=lambda: np.zeros(0))
+    visible: FloatArray = field(default_factory=lambda: np.zeros(0))
+    rivals: tuple[tuple[Key, float], ...] = ()
+    dispersion: float = 1.0
 
     @property
     def key(self) -> Key:
@@ -87,6 +88,11 @@ class Term:
     def width(self) -> int:
         """Number of coefficients."""
         return len(self.coefficients)
+
+    @property
+    def unit_columns(self) -> dict[int, FloatArray]:
+        """(r_j, w) columns of unit size."""
+        return {joint: table @ self.basis for joint, table in self.columns.items()}
 
     def taken_from(self, gap: Sequence[FloatArray]) -> list[FloatArray]:
         """Return a gap (r_j,) of each joint less the term's torque."""
