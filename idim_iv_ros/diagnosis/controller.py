@@ -50,13 +50,15 @@ class LawChange:
     """What differs from the configured law at one joint.
 
     `every`, `rows`: all rows, and those that are not near an event; `terms`: groups that differ; of
-    two sets, those of the second one have a scope.
+    two sets, those of the second one have a scope; `too_noisy`: there were some, but they follow
+    noise of the motion.
     """
 
     every: CommandRows
     rows: CommandRows
     comparison: Comparison
     terms: tuple[Term, ...]
+    too_noisy: bool = False
 
     @cached_property
     def model(self) -> ModelWithTerms:
@@ -82,6 +84,34 @@ class LawChange:
             for term in self.terms
             if not term.key.scope
         }
+
+    @cached_property
+    def follows_noise(self) -> bool:
+        """Whether other numbers come out with the rows before and after as instruments.
+
+        Noise of the positions is in the commands that the law makes of them, and in its groups: it
+        makes them smaller. Neighbouring rows have the same motion and other noise. A test as that
+        of Hausman (1978), with deviations of the difference by blocks of time.
+        """
+        if not self.terms:
+            return False
+        constants = independent_basis(self.rows.constants)
+        errors = self.rows.errors @ self.model.errors[: self.rows.errors.shape[1]]
+        rest = constants.remove(self.rows.rest - errors)
+        columns = constants.remove(np.column_stack([term.columns[0] for term in self.terms]))
+        instruments = np.zeros_like(columns)
+        for run in self.rows.runs:
+            inside = columns[run]
+            instruments[run][1:-1] = 0.5 * (inside[2:] + inside[:-2])
+        instruments = constants.remove(instruments)
+        one, other = np.linalg.pinv(columns), np.linalg.pinv(instruments.T @ columns)
+        apart = other @ instruments.T - one
+        left = rest - columns @ (one @ rest)
+        ledger = self.comparison.options.ledger
+        sums = np.zeros((ledger.block_count, len(apart)))
+        np.add.at(sums, ledger.blocks[0], (apart * left).T)
+        deviations = np.sqrt(np.sum(sums**2, axis=0))
+        return bool(np.any(np.abs(apart @ rest) > settings.CLEAR_DEVIATIONS * deviations))
 
     @property
     def before(self) -> float:
@@ -127,7 +157,11 @@ def law_change(every: CommandRows) -> LawChange:
     change = LawChange(every, rows, selection.comparison, together(selection.comparison, large))
     # Where positions would have to be late by many periods the terms stand for something else.
     late = np.abs(change.model.errors[: len(rows.likely)]) / rows.likely
-    return change if late.max() < settings.CLEAR_DEVIATIONS else replace(change, terms=())
+    if late.max() >= settings.CLEAR_DEVIATIONS:
+        return replace(change, terms=())
+    if change.follows_noise:
+        return replace(change, terms=(), too_noisy=True)
+    return change
 
 
 def why_not_checked(data: Baseline) -> str:
@@ -146,7 +180,8 @@ class LawCheck:
     `gains`: by which the whole command is larger, at joints where nothing else is another; `speed`:
     that explains the commands best, None where nothing can be compared; `beyond`: what the commands
     hold beyond the law and its changes, one sentence for each joint where it is much; `delay`: one
-    cause where most joints follow the law later than a control of this period makes them.
+    cause where most joints follow the law later than a control of this period makes them;
+    `too_noisy`: joints at which noise of the motion hides what the law is.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -154,6 +189,7 @@ class LawCheck:
     speed: LawSpeed | None = None
     beyond: tuple[str, ...] = ()
     delay: tuple[Cause, ...] = ()
+    too_noisy: tuple[str, ...] = ()
 
     def not_shown_by_torque(
         self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
@@ -229,7 +265,8 @@ def check_law(
             after = [change.before for change in joints.values()]
             said = sentences.commands_late(late, shared.value, commands.period)
             delay = (delay_of_all(late, before, after, said),)
-    return LawCheck(tuple(causes), gains, speed, tuple(beyond), delay)
+    noisy = tuple(data.joints[joint] for joint, change in joints.items() if change.too_noisy)
+    return LawCheck(tuple(causes), gains, speed, tuple(beyond), delay, noisy)
 
 
 def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChange]]:

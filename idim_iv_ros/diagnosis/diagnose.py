@@ -35,12 +35,13 @@ from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result.recordings import RecordingAgreement
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
 from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
-from idim_iv_ros.errors import UsageError
+from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths, as_paths
 from idim_iv_ros.identification.assembly import software_versions
 from idim_iv_ros.identification.identify import consistent_parameters
@@ -49,6 +50,7 @@ from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.progress import Progress, Stopwatch
+from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import FloatArray
 
 
@@ -96,25 +98,55 @@ def diagnose(
         recordings = read_configured(given, configuration, progress)
         others = read_configured(second, configuration, progress) if second else ()
         return_freed_memory()
-        watch.stage("refit", 0.1)
-        refit = refitted(recordings, configuration, excluded)
+        refit, explanation, agreements = of_those_that_agree(
+            recordings, configuration, excluded, watch
+        )
         return_freed_memory()
-        watch.stage("attribution", 0.2)
-        explanation = compared(refit, excluded)
-        return_freed_memory()
-        result = concluded(refit, explanation, configuration, excluded, watch)
+        result = concluded(refit, explanation, agreements, configuration, excluded, watch)
         if second:
             watch.stage("contrast", 0.97)
             # Of the configuration with gravity, where it was missing and found.
             robot = refit.data.prepared.configuration.robot
             same = configuration.model_copy(update={"robot": robot})
-            apart = [recording.bag for recording in result.recordings if not recording.agrees]
-            contrast = contrasted(recordings, others, same, excluded, apart)
+            alike = refit.data.prepared.session.recordings
+            contrast = contrasted(alike, others, same, excluded)
             by_itself = f"The reference ({', '.join(result.bags)}) by itself: {result.summary}"
             summary = f"{contrast.sentence} {by_itself}"
             result = replace(result, contrast=contrast, summary=summary)
     result.timing.update(watch.timing)
     return result
+
+
+def of_those_that_agree(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    without: tuple[str, ...],
+    watch: Stopwatch,
+) -> tuple[Refit, Explained, tuple[RecordingAgreement, ...]]:
+    """Search for what explains the gap, again without recordings that differ from the others.
+
+    One payload in one recording of four would make a mean payload with a small interval. All are
+    kept where those that agree show too little by themselves.
+    """
+    watch.stage("refit", 0.1)
+    refit = refitted(recordings, configuration, without)
+    return_freed_memory()
+    watch.stage("attribution", 0.2)
+    explanation = compared(refit, without)
+    session = refit.data.prepared.session.recordings
+    effects = [effect.term for effect in explanation.effects]
+    agreements = agreement(explanation.selection.catalogue, effects)
+    alike = [one for one, of in zip(session, agreements, strict=False) if of.agrees]
+    if not alike or len(alike) == len(session):
+        return refit, explanation, agreements
+    watch.stage("recordings that agree", 0.5)
+    del refit, explanation, effects  # before others are made
+    return_freed_memory()
+    try:
+        refit = refitted(alike, configuration, without)
+    except DataError:
+        refit = refitted(recordings, configuration, without)
+    return refit, compared(refit, without), agreements
 
 
 def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
@@ -126,11 +158,15 @@ def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
 def concluded(
     refit: Refit,
     explanation: Explained,
+    recordings: tuple[RecordingAgreement, ...],
     configuration: Configuration,
     without: tuple[str, ...],
     watch: Stopwatch,
 ) -> GapResult:
-    """Take the steps after the search and build the document; `configuration`: as it was given."""
+    """Take the steps after the search and build the document.
+
+    `recordings`: all that were given, whether they agree; `configuration`: as it was given.
+    """
     data, prepared = refit.data, refit.data.prepared
     watch.stage("simulated motion", 0.85)
     tracked = tracked_stages(explanation)
@@ -140,7 +176,6 @@ def concluded(
     )
 
     effects = [effect.term for effect in explanation.effects]
-    recordings = agreement(explanation.selection.catalogue, effects)
     numbers, errors = parametric_causes(explanation)
     chain = refit.shift.chain
     differing = {joint: chain.joint_shifts[joint] for joint in chain.differing}
@@ -178,8 +213,9 @@ def concluded(
         for finding in prepared.joint_findings
         if finding.left_out
     }
+    bags = tuple(part.bag for part in prepared.session.parts)
     summary = [
-        sentences.disagreement([recording for recording in recordings if not recording.agrees]),
+        sentences.disagreement(recordings, bags),
         sentences.largest_gap(
             [gap for gap in gaps.joints if gap.joint not in left_out],
             "refit" if prepared.given is None else "nominal model",
@@ -220,6 +256,9 @@ def concluded(
         prepared.why_no_given,
         *data.sources.controller,
         unchecked and f"commands not compared with the control law: {unchecked}",
+        law.too_noisy
+        and f"the control law of {', '.join(law.too_noisy)} cannot be told: what differs follows "
+        "the noise of the positions",
         *(tracking.note or tracking.caveat for tracking in tracked),
         *prepared.warnings,
         *prepared.advice,
@@ -238,7 +277,7 @@ def concluded(
         robot=prepared.model.robot.name,
         joints=data.joints,
         joint_types=prepared.model.robot.joint_types,
-        bags=tuple(part.bag for part in prepared.session.parts),
+        bags=bags,
         session=prepared.session.parts,
         software=software_versions(),
         configuration=configuration.model_dump(mode="json", exclude_none=True),

@@ -64,8 +64,12 @@ def hint(effect: str, joints: Sequence[str], parameters: Parameters, reason: str
     return f"{spaced(effect)} at {' and '.join(joints)}{more}: only a hint, {reason}"
 
 
-def disagreement(differing: Sequence[RecordingAgreement]) -> str:
-    """Which recordings the parameters of the others do not fit, and what differs; else empty."""
+def disagreement(recordings: Sequence[RecordingAgreement], used: Sequence[str]) -> str:
+    """Which recordings the parameters of the others do not fit, and what differs; else empty.
+
+    `used`: bags that everything else is of.
+    """
+    differing = [recording for recording in recordings if not recording.agrees]
     if not differing:
         return ""
     first = max(differing, key=lambda recording: recording.share_of_torque)
@@ -74,10 +78,11 @@ def disagreement(differing: Sequence[RecordingAgreement]) -> str:
         for one in first.differences
     )
     more = _and_more(differing, "recording")
+    rest = used[0] if len(used) == 1 else f"the {len(used)} others"
     return (
         f"one set of parameters does not hold for all recordings: {first.bag} differs by "
         f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} ({causes}){more}; "
-        "all other numbers are means"
+        f"{'all other numbers are means' if first.bag in used else f'all else is of {rest}'}"
     )
 
 

@@ -11,7 +11,6 @@ from idim_iv_ros.diagnosis.result.document import GapResult, JointGap
 from idim_iv_ros.diagnosis.result.recordings import (
     ContrastCause,
     ContrastResult,
-    RecordingAgreement,
 )
 from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest
@@ -36,6 +35,7 @@ from idim_iv_ros.report.numerals import (
     is_number,
     number,
     percent,
+    plural,
     sentence,
     with_interval,
 )
@@ -75,14 +75,12 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
 
     Joints that say nothing come first: all else is of the others.
     """
-    apart = [recording for recording in result.recordings if recording.differences]
-    if apart:
-        return _disagreement(apart)
     gaps = [gap for gap in result.where.joints if gap.joint not in result.left_out]
     worst = max(gaps, key=lambda gap: gap.share, default=None)
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
     out = (sentence(left_out(result.left_out)),) if result.left_out else ()
+    out = (*_disagreement(result), *out)
     if worst is None:
         words = f"The gap of the {model} could not be judged at any joint."
         return *out, words, _cause_words(result, None)
@@ -100,17 +98,22 @@ def _share_missed(gap: JointGap) -> str:
     return f"{size} of the torque{noise}"
 
 
-def _disagreement(apart: Sequence[RecordingAgreement]) -> tuple[str, str]:
-    """Return two sentences: which recordings differ from the others, and by which effect."""
-    first = apart[0]
+def _disagreement(result: GapResult) -> tuple[str, ...]:
+    """Return which recordings differ from the others, and by which effect; empty if none."""
+    apart = [recording for recording in result.recordings if not recording.agrees]
+    if not apart:
+        return ()
+    first = max(apart, key=lambda recording: recording.share_of_torque)
     more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
     difference = first.differences[0]
     size = _size_words(difference.effect, difference.parameters)
     by = ", ".join(filter(None, (effect_at(difference.effect, difference.joint), size)))
+    used = plural(len(result.bags), "recording")
+    rest = "All numbers are means." if first.bag in result.bags else f"All else is of {used}."
     return (
-        f"The recordings disagree: {first.bag} differs by "
-        f"{percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}{more}.",
-        f"What differs: {by}.",
+        f"The recordings disagree: {first.bag} differs by {by} "
+        f"({percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}){more}.",
+        rest,
     )
 
 
@@ -276,9 +279,6 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     """Return the recommended steps after a diagnosis: what to run, and what to record."""
     result, config, files = report.result, report.files.config, report.files
     bags = files.recordings(result.bags)
-    apart = [recording.bag for recording in result.recordings if recording.differences]
-    if apart:
-        return _steps_of_disagreement(result, apart, files)
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
     recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
@@ -302,7 +302,7 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         steps = [Step(words, files.command("check", *bags))]
     if laws:
         steps.append(Step(f"Correct the control law in {config}:", "\n".join(map(_law, laws))))
-    return [*steps, recording]
+    return [*steps, *_compare_apart(result, files), recording]
 
 
 def _law(cause: Cause) -> str:
@@ -314,16 +314,19 @@ def _law(cause: Cause) -> str:
     return f"{cause.joint}: {numbers}"
 
 
-def _steps_of_disagreement(result: GapResult, apart: Sequence[str], files: Files) -> list[Step]:
-    """Return steps for recordings `apart` that differ: diagnose both groups separately."""
-    together = files.recordings(bag for bag in result.bags if bag not in apart)
-    odd = files.recordings(apart[:1])
-    first = files.command("diagnose", *together, out="agreeing")
-    second = files.command("diagnose", *odd, out="differing")
-    return [
-        Step("Diagnose the recordings that agree by themselves:", first),
-        Step(f"Diagnose {apart[0]} by itself, and compare:", second),
-    ]
+def _compare_apart(result: GapResult, files: Files) -> list[Step]:
+    """Return the step that says what changed in recordings that differ from the others."""
+    apart = [one.bag for one in result.recordings if not one.agrees and one.bag not in result.bags]
+    if not apart:
+        return []
+    line = files.command(
+        "diagnose",
+        *files.recordings(result.bags),
+        "--against",
+        *files.recordings(apart),
+        out="changes",
+    )
+    return [Step(f"See what changed in {', '.join(apart)}:", line)]
 
 
 def _recording_step(result: GapResult, files: Files) -> Step:

@@ -14,11 +14,13 @@ from idim_iv_ros.diagnosis.against.changes import agreement, changes_between
 from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
 from idim_iv_ros.diagnosis.against.sets import two_sets
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, change_rows
+from idim_iv_ros.diagnosis.diagnose import of_those_that_agree
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result.recordings import ContrastResult, RecordingAgreement
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
+from idim_iv_ros.progress import Stopwatch
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulation import SimulatedEffect, record_simulated_robot
 from tests.diagnosis.test_numbers import covers
@@ -188,7 +190,7 @@ def test_a_change_that_is_not_confirmed_is_still_a_difference() -> None:
     scopes = [sets.first, sets.second]
     changes = changes_between(Catalogue(sets.data, LEFT_OUT).differing(scopes, [sets.second]))
     doubtful = replace(changes, accepted={}, doubtful={**changes.accepted, **changes.doubtful})
-    result = contrast_of(sets, doubtful, [], LEFT_OUT)
+    result = contrast_of(sets, doubtful, LEFT_OUT)
     assert result.differs and result.causes == ()
     joint = result.joints[0]
     assert joint.before == joint.after > 2.0 * joint.own
@@ -264,6 +266,20 @@ def test_the_recording_with_another_load_is_named_with_the_difference(data, numb
     assert cause.effect == "payload"
     assert covers(cause, "mass", mass)
     assert cause.parameters["mass"].std < 0.1
+
+
+def test_a_load_of_one_recording_is_no_mean_load_of_all() -> None:
+    """The numbers are those of the recordings without it, which nothing is wrong with."""
+    recordings = [run("a", 1), run("b", 2, truth=loaded(0.8, 0.3, 0.0)), run("c", 3)]
+    with Stopwatch(None) as watch:
+        refit, explanation, agreements = of_those_that_agree(
+            recordings, arm(1).configuration, tuple(LEFT_OUT), watch
+        )
+    assert [of.bag for of in agreements if not of.agrees] == ["b"]
+    (difference,) = agreements[1].differences
+    assert difference.effect == "payload" and covers(difference, "mass", 0.8)
+    assert [part.bag for part in refit.data.prepared.session.parts] == ["a", "c"]
+    assert "payload" not in [term.key.effect for term in explanation.selection.terms]
 
 
 def test_the_same_load_in_two_of_five_recordings_is_found_in_both() -> None:

@@ -57,6 +57,21 @@ def test_another_gain_is_found_at_its_joint_with_its_size(arm, name, joint, fact
     assert finding.parameters[name].value == pytest.approx(gains[joint], rel=0.03)
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_of_the_positions_is_no_other_gain(arm: SimulatedArm, seed: int) -> None:
+    """A law evaluated on noisier positions than the robot's has smaller gains by least squares."""
+    recording = recorded(arm, seed)
+    step = 2.0 * np.pi / 2**12
+    coarse = step * np.round(recording.position.values / step)
+    data = baseline(
+        [replace(recording, position=replace(recording.position, values=coarse))],
+        arm.configuration,
+    )
+    law = check_law(data)
+    assert not law.causes
+    assert law.too_noisy
+
+
 def test_an_integral_that_is_not_configured_is_found(arm: SimulatedArm) -> None:
     (finding,) = causes_of(arm, 1, ki=np.array([0.0, 400.0]))
     assert finding.joint == "joint_2"

@@ -41,15 +41,13 @@ def contrasted(
     against: Sequence[Recording],
     configuration: Configuration,
     without: Collection[str] = (),
-    disagreeing: Sequence[str] = (),
 ) -> ContrastResult:
     """Say what changed from the reference recordings to the others; errors as `identify`.
 
     Base parameters and effects that both sets share are fitted to both, so that errors of the
     nominal model cancel. What one set has is looked for in its recordings alone.
 
-    `without`: effects that are left out of the catalogue; `disagreeing`: recordings of the
-    reference that differ from its others, as its diagnosis says.
+    `without`: effects that are left out of the catalogue.
     """
     sets = two_sets(reference, against, configuration)
     numbers = [sets.second]
@@ -57,16 +55,11 @@ def contrasted(
         numbers += [frozenset({number}) for number in sorted(sets.second)]
     scopes = [sets.first, sets.second]
     changes = changes_between(Catalogue(sets.data, without).differing(scopes, numbers))
-    return contrast_of(sets, changes, disagreeing, without)
+    return contrast_of(sets, changes, without)
 
 
-def contrast_of(
-    sets: TwoSets, changes: Changes, disagreeing: Sequence[str], without: Collection[str]
-) -> ContrastResult:
-    """Build the document from the terms that act in some recordings only.
-
-    `disagreeing`: recordings of the reference that differ from its others.
-    """
+def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> ContrastResult:
+    """Build the document from the terms that act in some recordings only."""
     data, against = sets.data, sets.bags(sets.second)
     numbers = number_changes(changes)
     law, why_no_law = law_causes(sets, without)
@@ -110,10 +103,6 @@ def contrast_of(
         "the recordings of the second set do not agree and were compared apart: "
         f"{'; '.join(', '.join(group) for group in groups)}"
         if len(groups) > 1
-        else "",
-        f"the reference recordings do not agree among themselves ({', '.join(disagreeing)}): "
-        "changes are those from their mean; give the recordings that agree"
-        if disagreeing
         else "",
         why_no_law,
     ]

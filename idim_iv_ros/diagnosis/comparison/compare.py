@@ -56,6 +56,14 @@ class Comparison:
             self._best[state] = self._visible_one(ModelWithTerms(self.nominal, tuple(terms)))
         return self._best[state]
 
+    def other_numbers(self, term: Term, others: Sequence[Term]) -> list[Term]:
+        """Other numbers of the nominal model that the effect of a term may have at its place."""
+        if term.candidate.kind is not Kind.NUMBER:
+            return []
+        return _Ranking(self, ModelWithTerms(self.nominal, tuple(others)), curves=False).all_of(
+            term.key
+        )
+
     def curve(self, terms: Sequence[Term], replaced: Term | None = None) -> Term | None:
         """The likeliest free curve beside terms; None if nothing is left for one.
 
@@ -300,6 +308,16 @@ class _Ranking:
                 of_best, least = numbers, max(least, float(score[row]) - settings.NEAR)
             kept.append(row)
         return None if of_best is None else self._term(kept, *of_best)
+
+    def all_of(self, key: Key) -> list[Term]:
+        """Terms of all options of one effect and place that physics allows."""
+        options = self.comparison.options
+        made = []
+        for row in np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist():
+            numbers = self._numbers(row)
+            if numbers is not None:
+                made.append(self._term([row], *numbers))
+        return made
 
     def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""

@@ -267,7 +267,8 @@ def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]
         return None
     for term in sorted(terms, key=lambda term: float(term.visible.max())):
         rest = tuple(other for other in terms if other is not term)
-        for start in (rest, *((other,) for other in rest if len(rest) > 1)):
+        alone = ((other,) for other in rest if len(rest) > 1)
+        for start in (rest, *_with_other_numbers(comparison, rest), *alone):
             if _state(start) in tried:
                 continue
             tried.add(_state(start))
@@ -276,6 +277,17 @@ def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]
             if new > value or (fewer and new > value - _tolerance(comparison, terms, others)):
                 return new, others
     return None
+
+
+def _with_other_numbers(comparison: Comparison, terms: Terms) -> list[Terms]:
+    """The same with other numbers of one effect: what has left may have been made up by them."""
+    made: list[Terms] = []
+    for place, term in enumerate(terms):
+        others = (*terms[:place], *terms[place + 1 :])
+        sets = [(*others, other) for other in comparison.other_numbers(term, others)]
+        if sets:
+            made.append(max(sets, key=comparison.objective))
+    return made
 
 
 def _grown(comparison: Comparison, terms: Terms) -> Grown:
