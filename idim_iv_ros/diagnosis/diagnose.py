@@ -123,7 +123,7 @@ def of_those_that_agree(
     without: tuple[str, ...],
     watch: Stopwatch,
 ) -> tuple[Refit, Explained, tuple[RecordingAgreement, ...]]:
-    """Search for what explains the gap, again without recordings that differ from the others.
+    """Search for what explains the gap; where recordings differ, again in the most that agree.
 
     One payload in one recording of four would make a mean payload with a small interval. All are
     kept where those that agree show too little by themselves.
@@ -136,9 +136,13 @@ def of_those_that_agree(
     session = refit.data.prepared.session.recordings
     effects = [effect.term for effect in explanation.effects]
     agreements = agreement(explanation.selection.catalogue, effects)
-    alike = [one for one, of in zip(session, agreements, strict=False) if of.agrees]
-    if not alike or len(alike) == len(session):
+    if all(of.agrees for of in agreements):
         return refit, explanation, agreements
+    groups = [
+        [one for one, of in zip(session, agreements, strict=True) if of.differences == alike]
+        for alike in sorted((of.differences for of in agreements), key=len)
+    ]
+    alike = max(groups, key=len)
     watch.stage("recordings that agree", 0.5)
     del refit, explanation, effects  # before others are made
     return_freed_memory()

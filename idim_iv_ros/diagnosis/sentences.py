@@ -75,14 +75,20 @@ def disagreement(recordings: Sequence[RecordingAgreement], used: Sequence[str]) 
     first = max(differing, key=lambda recording: recording.share_of_torque)
     causes = ", ".join(
         f"{placed(one.effect, one.joint)} ({listed_numbers(one.effect, one.parameters, 1)})"
-        for one in first.differences
+        for one in first.differences[:_MOST_NUMBERS]
     )
+    if len(first.differences) > _MOST_NUMBERS:
+        causes += f" and {len(first.differences) - _MOST_NUMBERS} more"
     more = _and_more(differing, "recording")
-    rest = used[0] if len(used) == 1 else f"the {len(used)} others"
+    several = len(used) > _MOST_NUMBERS
+    rest = f"{len(used)} that agree" if several else ", ".join(used)
+    rest = (
+        "all other numbers are means" if len(used) == len(recordings) else f"all else is of {rest}"
+    )
     return (
         f"one set of parameters does not hold for all recordings: {first.bag} differs by "
         f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} ({causes}){more}; "
-        f"{'all other numbers are means' if first.bag in used else f'all else is of {rest}'}"
+        f"{rest}"
     )
 
 

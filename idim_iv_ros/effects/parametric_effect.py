@@ -49,13 +49,15 @@ class ParameterSpace:
 
     `given` (b,): base parameters of the nominal model; `axes` (2, 3): unit vectors of the base
     frame about which gravity may be tilted; `not_given`: kind and joint of numbers of which the
-    nominal model says nothing.
+    nominal model says nothing; `is_free`: whether numbers are changes from those of other
+    recordings, whatever the nominal model says.
     """
 
     model: InverseModel
     given: FloatArray
     axes: FloatArray
     not_given: frozenset[tuple[str, int]] = frozenset()
+    is_free: bool = False
 
     @property
     def joints(self) -> int:

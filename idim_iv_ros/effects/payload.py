@@ -68,7 +68,8 @@ class Payload(ParametricEffect):
     ) -> bool:
         """A payload weighs something, is near the flange and has the inertia of a rigid body.
 
-        A negative one is a part that the model has and the robot has not: no more than is there.
+        A negative one is a part that the model has and the robot has not: no more than is there,
+        unless other recordings have it.
         """
         assert joint is not None
         named = {estimate.change.name: estimate for estimate in estimates}
@@ -78,6 +79,8 @@ class Payload(ParametricEffect):
             sign = -1.0
             given = space.model.robot.given.of_bodies[joint]
             there = dict(zip(INERTIAL, map(float, given), strict=True))
+            if space.is_free:
+                there = dict.fromkeys(_CHECKED, np.inf)
         for kind in _CHECKED:
             change = named.get(_NAMES[kind])
             if change is not None and not change.may_exceed(-there[kind]):

@@ -109,11 +109,11 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
     size = _size_words(difference.effect, difference.parameters)
     by = ", ".join(filter(None, (effect_at(difference.effect, difference.joint), size)))
     used = plural(len(result.bags), "recording")
-    rest = "All numbers are means." if first.bag in result.bags else f"All else is of {used}."
+    means = len(result.bags) == len(result.recordings)
     return (
         f"The recordings disagree: {first.bag} differs by {by} "
         f"({percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}){more}.",
-        rest,
+        "All other numbers are means." if means else f"All else is of {used} that agree.",
     )
 
 
@@ -316,7 +316,7 @@ def _law(cause: Cause) -> str:
 
 def _compare_apart(result: GapResult, files: Files) -> list[Step]:
     """Return the step that says what changed in recordings that differ from the others."""
-    apart = [one.bag for one in result.recordings if not one.agrees and one.bag not in result.bags]
+    apart = [one.bag for one in result.recordings if one.bag not in result.bags]
     if not apart:
         return []
     line = files.command(

@@ -163,9 +163,11 @@ def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Es
 def agreement(
     catalogue: Catalogue, taken_out: Sequence[Term] = ()
 ) -> tuple[RecordingAgreement, ...]:
-    """Let numbers differ in every recording; one entry for each of several, empty of one.
+    """Let numbers differ between recordings; one entry for each of several, empty of one.
 
-    Of two recordings that differ the second is named: nothing says which of them is right.
+    Numbers may differ in one recording, or from one on. Where any do, effects may as well, and
+    those of all recordings are searched again beside them. Of two recordings that differ the second
+    is named: nothing says which of them is right.
 
     `catalogue`: of the session; `taken_out`: structural causes, whose torque is taken out first.
     """
@@ -174,19 +176,39 @@ def agreement(
     if count < 2:
         return ()
     scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
-    changes = changes_between(catalogue.differing((), scopes), taken_out)
-    differences: list[list[tuple[FloatArray, Difference]]] = [[] for _ in range(count)]
-    for change in number_changes(changes):
-        shares = rms_of(data, change.terms, change.recordings) / data.torque_sizes
-        joint = None if change.joint is None else data.joints[change.joint]
-        for number in change.recordings:
-            difference = Difference(change.effect.name, joint, change.parameters)
-            differences[number].append((shares, difference))
+    scopes += [frozenset(range(first, count)) for first in range(2, count - 1)]
+    differences = _differences(changes_between(catalogue.differing((), scopes), taken_out))
+    if differences:
+        apart = frozenset(number for number, *_ in differences)
+        if len(apart) == count:
+            apart = frozenset(range(1, count))
+        differences = _differences(changes_between(catalogue.differing([apart], scopes)))
     made = []
-    for part, some in zip(data.prepared.session.parts, differences, strict=True):
+    for place, part in enumerate(data.prepared.session.parts):
+        some = [(shares, what) for number, shares, what in differences if number == place]
         some.sort(key=lambda pair: -float(pair[0].max()))
         squares = sum((shares**2 for shares, _ in some), np.zeros(len(data.joints)))
         worst, listed = int(np.argmax(squares)), tuple(difference for _, difference in some)
         share = float(np.sqrt(squares[worst]))
         made.append(RecordingAgreement(part.bag, not some, data.joints[worst], share, listed))
     return tuple(made)
+
+
+def _differences(changes: Changes) -> list[tuple[int, FloatArray, Difference]]:
+    """What every recording has otherwise than the others: its number, shares (n_joints,), what."""
+    data, space = changes.selection.catalogue.data, changes.selection.catalogue.space
+    named = [
+        (change.effect.name, change.joint, change.parameters, change.terms, change.recordings)
+        for change in number_changes(changes)
+    ]
+    named += [
+        (term.key.effect, term.key.joint, term.parameters(space), (term,), term.candidate.scope)
+        for term in changes.accepted
+        if term.is_effect
+    ]
+    made = []
+    for effect, joint, numbers, terms, recordings in named:
+        shares = rms_of(data, terms, recordings) / data.torque_sizes
+        place = None if joint is None else data.joints[joint]
+        made += [(n, shares, Difference(effect, place, numbers)) for n in sorted(recordings)]
+    return made

@@ -154,7 +154,7 @@ class Catalogue:
         effects = [candidate for candidate in self.candidates if candidate.kind in kinds]
         made = copy(self)
         estimate = self.data.estimate.linear.values
-        made.space = replace(self.space, given=estimate, not_given=frozenset())
+        made.space = replace(self.space, given=estimate, not_given=frozenset(), is_free=True)
         made.not_given = ()
         units = change_rows(self.data, made.space) if self._numbers else ()
         numbers = [replace(n, lines=_lines(units, n.changes)) for n in self._numbers]

@@ -316,7 +316,9 @@ class _Ranking:
         for row in np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist():
             numbers = self._numbers(row)
             if numbers is not None:
-                made.append(self._term([row], *numbers))
+                near = np.flatnonzero(self.score >= self.score[row] - settings.NEAR).tolist()
+                rivals = [other for other in near if other != row and self._numbers(other)]
+                made.append(self._term([row, *rivals], *numbers))
         return made
 
     def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Key
+from idim_iv_ros.diagnosis.comparison.candidate import Key, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import without_parts
@@ -27,14 +27,15 @@ class Chosen:
     def times(self, term: Term) -> int:
         """In how many folds a term, or a rival of its set, is chosen.
 
-        Of a term of some recordings it is enough to be chosen for one of them.
+        Of an effect of some recordings it is enough to be chosen for one of them; of a number, to
+        be chosen for any: less of it in one recording is more of it in all others.
         """
         names = {key[:3] for key, _ in term.rivals} | {term.key[:3]}
-        scope = term.candidate.scope
+        scope, is_number = term.candidate.scope, term.candidate.kind is Kind.NUMBER
 
         def is_in(keys: frozenset[Key]) -> bool:
             there = [key for key in keys if key[:3] in names]
-            return any(not scope or scope & key.scope for key in there)
+            return any(not scope or scope & key.scope or (is_number and key.scope) for key in there)
 
         return sum(map(is_in, self.keys))
 

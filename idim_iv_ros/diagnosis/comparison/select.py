@@ -261,8 +261,9 @@ def _restarts(comparison: Comparison, best: Grown) -> Grown:
 
 
 def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]]) -> Grown | None:
-    """A better set that grows without one of the terms; fewer terms may be as good."""
+    """A better set that grows without one of the terms; the best of fewer may be as good."""
     value, terms = best
+    simpler: Grown | None = None
     if len(terms) < 2:
         return None
     for term in sorted(terms, key=lambda term: float(term.visible.max())):
@@ -273,10 +274,12 @@ def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]
                 continue
             tried.add(_state(start))
             new, others = _grown(comparison, start)
-            fewer = len(others) < len(terms)
-            if new > value or (fewer and new > value - _tolerance(comparison, terms, others)):
+            if new > value:
                 return new, others
-    return None
+            fewer = len(others) < len(terms) and (simpler is None or new > simpler[0])
+            if fewer and new > value - _tolerance(comparison, terms, others):
+                simpler = new, others
+    return simpler
 
 
 def _with_other_numbers(comparison: Comparison, terms: Terms) -> list[Terms]:

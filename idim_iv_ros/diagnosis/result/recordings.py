@@ -82,7 +82,7 @@ class TransmissionSeries:
 
 @dataclass(frozen=True)
 class Difference:
-    """A parametric cause by which one recording differs from the others: theirs is the nominal."""
+    """A cause by which one recording differs from the others: theirs is the nominal."""
 
     effect: str
     joint: str | None
