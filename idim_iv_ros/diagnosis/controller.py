@@ -34,7 +34,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
 from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
-from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.cause import EffectParameter, Parameters
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw
@@ -134,6 +134,11 @@ class LawChange:
             inside = rows.recording == number
             rest[inside] -= np.median(rest[inside])
         return rest
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether the commands hold little beyond the law: nothing else is late."""
+        return rms(self.beyond) < settings.MUCH_BEYOND_LAW * self.every.size
 
 
 def law_change(every: CommandRows) -> LawChange:
@@ -239,7 +244,14 @@ def check_law(
     commands, speed, joints = shown_law(data)
     longest_lag = settings.LONGEST_LAG * commands.period
     usual = longest_lag + data.prepared.configuration.controller.delay - shift.value
-    longest, shared = _shared_lag(commands, joints.values(), max(usual, longest_lag))
+    joints = {
+        joint: change
+        if is_possible(CONTROL_LAW.parameters(commands.law, joint, change.changes))
+        else replace(change, terms=())
+        for joint, change in joints.items()
+    }
+    followed = [change for change in joints.values() if change.is_followed]
+    longest, shared = _shared_lag(commands, followed, max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
     for joint, change in joints.items():
         theirs = of_joints.get(data.joints[joint], shift)
@@ -261,8 +273,8 @@ def check_law(
         std = float(np.hypot(shared.std or 0.0, shift.std or 0.0))
         late = EffectParameter(shared.value + shift.value - configured, std, "s")
         if is_beyond_control(late.value, std, commands.period):
-            before = [change.left_of_lag(max(usual, 0.0)) for change in joints.values()]
-            after = [change.before for change in joints.values()]
+            before = [change.left_of_lag(max(usual, 0.0)) for change in followed]
+            after = [change.before for change in followed]
             said = sentences.commands_late(late, shared.value, commands.period)
             delay = (delay_of_all(late, before, after, said),)
     noisy = tuple(data.joints[joint] for joint, change in joints.items() if change.too_noisy)
@@ -287,6 +299,16 @@ def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChang
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))
     return commands, speed, joints
+
+
+def is_possible(gains: Parameters) -> bool:
+    """Whether a loop with these gains holds its joint: it answers errors, and drives no motion."""
+    ends = {
+        name: (number.value, settings.NORMAL_95 * (number.std or 0.0))
+        for name, number in gains.items()
+    }
+    stiffness, damping = ends.get("kp", (1.0, 0.0)), ends.get("kd", (1.0, 0.0))
+    return stiffness[0] > stiffness[1] and damping[0] + damping[1] >= 0.0
 
 
 def _shared_lag(
@@ -318,7 +340,7 @@ def _cause(
     before, after = change.before, rms(change.model.residuals[0])
     lag, std = change.lag
     # No law acts before it has measured: a lag below zero is one of the stamps.
-    if lag - settings.CLEAR_DEVIATIONS * std > longest:
+    if change.is_followed and lag - settings.CLEAR_DEVIATIONS * std > longest:
         changes[CONTROL_LAW.lag] = lag, std
         statistic += ((lag - longest) / std) ** 2
         before = change.left_of_lag(longest)

@@ -1,26 +1,40 @@
 """From bags to filtered motion and a model: what precedes every estimate and every check."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+
+import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.least_squares import unseen_parameters
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import FilePaths
+from idim_iv_ros.identification.references import repeats_motion
 from idim_iv_ros.identification.sanity import JointFinding, joint_findings
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.read import read_requested
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.recording.request import Request
-from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
+from idim_iv_ros.signals import (
+    Cutoffs,
+    JointSignals,
+    Motion,
+    choose_cutoffs,
+    filter_motion,
+    joint_side,
+)
 from idim_iv_ros.types import FloatArray
 
 ARMATURE_MISSING = (
     "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
     "kg m² on the joint side, zeros for direct drives"
+)
+_REPEATED = (
+    "its references repeat the measured positions, which no motion follows so closely: they are "
+    "left out; give the topic on which the controller gets its references as signals.reference"
 )
 
 
@@ -114,6 +128,12 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     urdf, source = description_text(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
     records = [joint_side(recording, configuration) for recording in recordings]
+    measured = configuration.signals.effort_topic is not None
+    repeated = [measured and _repeats_motion(one) for one in records]
+    records = [
+        replace(one, position_reference=None, velocity_reference=None) if repeats else one
+        for one, repeats in zip(records, repeated, strict=True)
+    ]
     source = str(configuration.source or "the configuration")
     cutoffs = choose_cutoffs(configuration.processing, records, source)
     couplings = model.regressor.layout.coupling_joints
@@ -128,9 +148,20 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         minimum_speed=minimum_speed,
         motions=motions,
         still=still,
-        reasons=session.sentences + cutoffs.reasons + reasons + loss_sentences(recordings),
+        reasons=(
+            *session.sentences,
+            *(f"{records[place].name}: {_REPEATED}" for place in np.flatnonzero(repeated)),
+            *cutoffs.reasons,
+            *reasons,
+            *loss_sentences(recordings),
+        ),
         advice=_advice(recordings, configuration),
     )
+
+
+def _repeats_motion(signals: JointSignals) -> bool:
+    reference = signals.position_reference
+    return reference is not None and repeats_motion(signals.position, reference)
 
 
 def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:

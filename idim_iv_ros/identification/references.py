@@ -11,6 +11,8 @@ _MOVING = 0.05  # of the largest, from which on a joint is asked
 _SAME_MOTION = 0.9  # correlation, from which on a factor between two motions is one of units
 _ANOTHER_MOTION = 0.2  # correlation, below which a joint does not follow its reference
 _FACTOR = 10.0  # beyond what a soft loop makes
+_REPEATED = 1e-4  # of a motion: no loop follows its reference so closely
+_MOST_LATE = 5  # samples by which a repeated motion may come later
 
 
 def wrong_references(
@@ -36,3 +38,21 @@ def wrong_references(
             and alike[joint, nearest] > _SAME_MOTION
         ):
             yield joint, f"it moves as the references of {joints[nearest]} say: another order?"
+
+
+def repeats_motion(position: FloatArray, reference: FloatArray) -> bool:
+    """Whether references are the measured positions, or those of a few samples before.
+
+    A motion comes after its reference, and never so near to it. `position`, `reference`: (s,
+    n_joints).
+    """
+    spreads = np.std(position, axis=0)
+    moving = spreads > max(_RESTING, _MOVING * float(spreads.max(initial=0.0)))
+    if not moving.any() or len(position) <= _MOST_LATE + 1:
+        return False
+    later, spreads = reference[_MOST_LATE:, moving], spreads[moving]
+    apart = [
+        np.std(later - position[_MOST_LATE - lag : len(position) - lag, moving], axis=0) / spreads
+        for lag in range(_MOST_LATE + 1)
+    ]
+    return bool(np.min(apart, axis=0).max() < _REPEATED)

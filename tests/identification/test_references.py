@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.identification.references import wrong_references
+from idim_iv_ros.identification.references import repeats_motion, wrong_references
 
 TIME = np.arange(3000) / 100.0
 REFERENCE = np.column_stack([np.sin(1.7 * TIME), 0.5 * np.sin(0.9 * TIME + 1.0)])
@@ -32,3 +32,13 @@ def test_degrees_signs_and_joints_in_another_order_are_named() -> None:
     assert all("opposite sign" in sentence for sentence in opposite.values())
     swapped = dict(wrong_references(REFERENCE, REFERENCE[:, ::-1], ("a", "b")))
     assert "the references of b" in swapped[0] and "the references of a" in swapped[1]
+
+
+def test_references_that_are_the_measured_positions_are_no_references() -> None:
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(REFERENCE.shape)
+    measured = np.roll(REFERENCE, 3, axis=0) + noise
+    assert repeats_motion(measured, measured)
+    assert repeats_motion(measured[1:], measured[:-1])
+    assert not repeats_motion(measured, REFERENCE)
+    assert not repeats_motion(measured[:-1], measured[1:])
+    assert not repeats_motion(np.zeros((50, 2)), np.zeros((50, 2)))

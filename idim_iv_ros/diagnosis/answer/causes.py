@@ -7,7 +7,6 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import AssessedTerm, Explained
-from idim_iv_ros.diagnosis.answer.numbers import parameters_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
@@ -68,7 +67,7 @@ def structural_causes(
         term, place = judgement.term, judgement.term.place
         gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
         gain, helped, folds = tested.gains[number]
-        numbers = parameters_of(explanation, number)
+        numbers = explanation.parameters_of(number)
         cause = Cause(
             effect=term.effect.name,
             kind="structural",

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.comparison.candidate import Kind
+from idim_iv_ros.diagnosis.answer.numbers import parameters_of
+from idim_iv_ros.diagnosis.comparison.candidate import Key, Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
 from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_set, probability
@@ -20,6 +21,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_fl
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.statistics.residuals import excess_kurtosis
@@ -28,6 +30,7 @@ from idim_iv_ros.types import FloatArray
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 _MORE_STEPS = 2  # of the noise models, from those of the model before
 NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
+_NO_SIZE = "beside new values of all numbers its size may as well be zero"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,11 @@ class Explained:
         """With all effects."""
         return self.fits[-1]
 
+    def parameters_of(self, number: int) -> dict[str, EffectParameter]:
+        """Numbers of one of the effects that mean something to an engineer."""
+        term, block = self.effects[number].term, self.regression.blocks[number]
+        return parameters_of(self.data, self.regression, self.fit, term, block)
+
 
 def matters(term: Term) -> bool:
     """Whether what lies outside the catalogue is large enough to be said."""
@@ -93,23 +101,33 @@ def matters(term: Term) -> bool:
 def explained(selection: Selection) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes.
 
-    Effects that do not help on held-out rows are causes no more, and the others are tested anew.
+    Effects that do not help on held-out rows, or whose size may be zero, are causes no more, and
+    the others are tested anew.
     """
     repeats = repeats_of(selection.catalogue.data)
     judgements = _assessed_terms(selection, repeats)
     while True:
         explanation = _tested(selection, judgements, repeats)
-        idle = {
-            effect.term.key
-            for number, effect in enumerate(explanation.effects)
-            if not explanation.tested.helps(number, effect.term.place.joint)
-        }
+        idle: dict[Key, str] = {}
+        for number, effect in enumerate(explanation.effects):
+            if not explanation.tested.helps(number, effect.term.place.joint):
+                idle[effect.term.key] = NO_HELP
+            elif _may_be_zero(explanation, number):
+                idle[effect.term.key] = _NO_SIZE
         if not idle:
             return explanation
         judgements = [
-            replace(judgement, reason=NO_HELP) if judgement.term.key in idle else judgement
+            replace(judgement, reason=idle.get(judgement.term.key, judgement.reason))
             for judgement in judgements
         ]
+
+
+def _may_be_zero(explanation: Explained, number: int) -> bool:
+    """Whether the interval of the only number of an effect holds zero."""
+    unsure = [one for one in explanation.parameters_of(number).values() if one.std is not None]
+    if len(unsure) != 1:
+        return False
+    return abs(unsure[0].value) < settings.NORMAL_95 * (unsure[0].std or 0.0)
 
 
 def _tested(

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.diagnosis.refit.baseline import rows_of, with_parameters
+from idim_iv_ros.diagnosis.likelihood import Fit, Regression
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import JointRange, Shape
 from idim_iv_ros.types import FloatArray
@@ -25,20 +25,24 @@ _USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anyth
 _COEFFICIENT_STEP = 1e-4  # of the coefficient
 
 
-def parameters_of(explanation: Explained, number: int) -> dict[str, EffectParameter]:
-    """Parameters of one of the effects, with the coefficients that it has beside nominal errors."""
-    term, block = explanation.effects[number].term, explanation.regression.blocks[number]
+def parameters_of(
+    data: Baseline, regression: Regression, fit: Fit, term: Term, block: slice
+) -> dict[str, EffectParameter]:
+    """Parameters of an effect, with the coefficients that it has beside nominal errors.
+
+    `regression`, `fit`: of the refit with all effects; `block`: the effect's columns there.
+    """
     effect, shape, coefficients = term.effect, term.shape, term.coefficients
-    inner = explanation.fit.coefficient_covariance[block, block]
+    inner = fit.coefficient_covariance[block, block]
     fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
     # Of what the refit has in its base parameters the search knows how precise it is.
     fixed = np.where(fixed > 0.0, fixed, term.deviations)
     numbers = effect.parameters(shape, coefficients, fixed)
-    covered = explanation.data.covered[term.place.joint]
+    covered = data.covered[term.place.joint]
     near = _near(term, shape, covered) if effect.free_shape else []
     if not near:
         return numbers
-    covariance, further = _with_free_shape(explanation, number, near)
+    covariance, further = _with_free_shape(data, regression, fit, term, block, near)
     slopes = _slopes(term, fixed, [shape, *near])
     variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
     return {
@@ -48,14 +52,13 @@ def parameters_of(explanation: Explained, number: int) -> dict[str, EffectParame
 
 
 def _with_free_shape(
-    explanation: Explained, number: int, near: list[Shape]
+    data: Baseline, regression: Regression, fit: Fit, term: Term, block: slice, near: list[Shape]
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
 
     And by how much the fit would still move each of them, (k + m,).
     """
-    term, block = explanation.effects[number].term, explanation.regression.blocks[number]
-    effect, shape, fit, data = term.effect, term.shape, explanation.fit, explanation.data
+    effect, shape = term.effect, term.shape
     # Of the torque that the fit leaves to the model, as `knee` has it.
     of_the_fit = with_parameters(data, fit.values) if effect.beyond_knee else data
     here, *moved = rows_of(of_the_fit, effect, term.place, [shape, *near])
@@ -63,7 +66,7 @@ def _with_free_shape(
         joint: np.column_stack([(rows[joint] - here[joint]) @ term.coefficients for rows in moved])
         for joint in here
     }
-    wider = explanation.regression.with_columns(changes).fit(fit.noise_models, steps=0)
+    wider = regression.with_columns(changes).fit(fit.noise_models, steps=0)
     places = np.r_[block, len(fit.coefficients) : len(wider.coefficients)]
     further = wider.coefficients[places]
     further[: term.width] -= term.coefficients
