@@ -42,6 +42,7 @@ from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
 _NO_JOINTS: Mapping[str, EffectParameter] = MappingProxyType({})
+_SAME_NUMBER = 0.1  # relative: what instruments change of it is a detail of the law
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
 
@@ -111,7 +112,8 @@ class LawChange:
         sums = np.zeros((ledger.block_count, len(apart)))
         np.add.at(sums, ledger.blocks[0], (apart * left).T)
         deviations = np.sqrt(np.sum(sums**2, axis=0))
-        return bool(np.any(np.abs(apart @ rest) > settings.CLEAR_DEVIATIONS * deviations))
+        clear = np.abs(apart @ rest) > settings.CLEAR_DEVIATIONS * deviations
+        return bool(np.any(clear & (np.abs(apart @ rest) > _SAME_NUMBER * np.abs(one @ rest))))
 
     @property
     def before(self) -> float:

@@ -26,6 +26,8 @@ from idim_iv_ros.types import FloatArray, IntArray
 _SIZES = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])
 _RIVALS = 12  # effects and places whose scores over blocks of time are looked at
 _MOST_BANNED = 4  # places that are passed over because they are not visible
+_SAME_SCORE = 0.02  # relative
+_MOST_ALIKE = 4  # effects and places of nearly the same score that are compared as a whole
 _ROUNDING = 1e-5  # of the largest information of a direction: less is none
 # Sizes that are tried of what the model takes in part, over that of the rest of it.
 _LARGER = (1.0, 3.0, 10.0, 30.0)
@@ -305,21 +307,48 @@ class _Ranking:
             if numbers is None:
                 continue
             if of_best is None:
-                of_best, least = numbers, max(least, float(score[row]) - settings.NEAR)
+                of_best = numbers
+                nearly = float(score[row]) - _SAME_SCORE * max(float(score[row]), 0.0)
+                least = max(least, min(nearly, float(score[row]) - settings.NEAR))
             kept.append(row)
-        return None if of_best is None else self._term(kept, *of_best)
+        if of_best is None:
+            return None
+        alike = self._as_good(kept)
+        near = [row for row in kept if score[row] >= score[kept[0]] - settings.NEAR]
+        best = self._term(near, *of_best)
+        if not alike:
+            return best
+        others = self.model.terms
+        return max(
+            [best, *map(self._with_rivals, alike)],
+            key=lambda term: self.comparison.objective((*others, term)),
+        )
+
+    def _as_good(self, kept: Sequence[int]) -> list[int]:
+        """The best rows of other effects and places whose score is nearly that of the first.
+
+        Scores of the same torque differ by how well the dispersion is known.
+        """
+        options = self.comparison.options
+        best: dict[int, int] = {}
+        for row in kept:
+            if self.score[row] >= (1.0 - _SAME_SCORE) * self.score[kept[0]]:
+                best.setdefault(int(options.key[self.order[row]]), row)
+        return list(best.values())[1:_MOST_ALIKE]
 
     def all_of(self, key: Key) -> list[Term]:
         """Terms of all options of one effect and place that physics allows."""
         options = self.comparison.options
-        made = []
-        for row in np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist():
-            numbers = self._numbers(row)
-            if numbers is not None:
-                near = np.flatnonzero(self.score >= self.score[row] - settings.NEAR).tolist()
-                rivals = [other for other in near if other != row and self._numbers(other)]
-                made.append(self._term([row, *rivals], *numbers))
-        return made
+        rows = np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist()
+        return [self._with_rivals(row) for row in rows if self._numbers(row) is not None]
+
+    def _with_rivals(self, row: int) -> Term:
+        """Term of a row that physics allows, with all others that are as good as its rivals."""
+        numbers = self._numbers(row)
+        assert numbers is not None
+        near = np.flatnonzero(self.score >= self.score[row] - settings.NEAR).tolist()
+        rivals = [other for other in near if other != row and self._numbers(other) is not None]
+        return self._term([row, *rivals], *numbers)
 
     def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""

@@ -305,7 +305,7 @@ def _grown(comparison: Comparison, terms: Terms) -> Grown:
         if _state(terms) in seen:
             break
         seen.add(_state(terms))
-        for term in terms if len(terms) > 1 else ():
+        for term in terms:
             number = next((k for k, other in enumerate(terms) if other is term), None)
             if number is None:
                 continue
