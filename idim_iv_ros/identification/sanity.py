@@ -83,6 +83,7 @@ def joint_findings(
     positions = [list(signals.positions()) for signals in signals_of]
     wrong = [k for k, some in enumerate(positions) if any(finding.left_out for finding in some)]
     spoilt = _moved_by(model, motions, wrong)
+    turned = _opposite_in_some(model, motions, cutoffs, effort_unit) if len(motions) > 1 else {}
     for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
         findings += positions[joint]
         if joint in spoilt and joint not in wrong:
@@ -93,9 +94,27 @@ def joint_findings(
             continue
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
-        if of_effort is not None:
+        if joint in turned:
+            sentence = (
+                f"the effort has the opposite sign in {', '.join(turned[joint])} only: leave "
+                "such recordings out, or record again with the driver as in the others"
+            )
+            findings.append(JointFinding(joint, "unusable", sentence, left_out=True))
+        elif of_effort is not None:
             findings += signals.efforts(of_effort, units.get(joint))
     return (*findings, *_of_references(model, motions))
+
+
+def _opposite_in_some(
+    model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs, effort_unit: str
+) -> dict[int, list[str]]:
+    """Names of recordings in which the effort of a joint has another sign than in the others."""
+    turned: dict[int, list[str]] = {}
+    for motion in motions:
+        for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
+            if effort and _Signals(model, [motion], joint, effort_unit).opposite(effort):
+                turned.setdefault(joint, []).append(motion.signals.name)
+    return {joint: names for joint, names in turned.items() if len(names) < len(motions)}
 
 
 def _of_references(model: InverseModel, motions: Sequence[Motion]) -> Iterator[JointFinding]:
@@ -247,7 +266,7 @@ class _Signals:
 
         `times`: by how much the effort is larger than the other joints' units make it, if it is.
         """
-        sentence = self._unsigned(effort) or self._opposite(effort) or self._static(effort)
+        sentence = self._unsigned(effort) or self.opposite(effort) or self._static(effort)
         if not sentence and times is not None:
             sentence = (
                 f"the effort is {times:.2g} times what the nominal masses need in the unit of the "
@@ -279,7 +298,7 @@ class _Signals:
             "publishes its size alone; record one with a sign"
         )
 
-    def _opposite(self, effort: EffortStatistics) -> str:
+    def opposite(self, effort: EffortStatistics) -> str:
         """Say that the sign is opposite; friction that takes energy out excludes it."""
         against = effort.torque is not None and effort.torque.certainty < -_SIGNIFICANT
         friction = effort.friction

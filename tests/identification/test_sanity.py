@@ -283,6 +283,17 @@ def opposite(tmp_path_factory: pytest.TempPathFactory):
     return diagnose([path], arm.configuration)
 
 
+def test_an_effort_that_turns_its_sign_in_one_of_three_recordings_is_named_there() -> None:
+    three = [recording_of(ARM, record(ARM, seed), name=f"run{seed}") for seed in (1, 2, 3)]
+    assert not prepare(three, ARM.configuration).joint_findings
+    signs = np.array([1.0, -1.0])
+    turned = replace(three[2].effort, values=signs * three[2].effort.values)
+    three[2] = replace(three[2], effort=turned)
+    (finding,) = prepare(three, ARM.configuration).joint_findings
+    assert finding.joint == JOINT and finding.left_out
+    assert "opposite sign in run3 only" in finding.sentence
+
+
 def test_diagnosis_names_nothing_of_an_effort_with_the_wrong_sign(opposite) -> None:
     """Neither masses nor a control law of negative gains, at either joint: nothing is wrong."""
     assert opposite.causes == ()
