@@ -23,6 +23,8 @@ from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
 from idim_iv_ros.types import FloatArray, IntArray
 
+_AGAIN = 2  # searches with effects of the recordings that differ
+
 
 @dataclass(frozen=True, eq=False)
 class Changes:
@@ -178,11 +180,13 @@ def agreement(
     scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
     scopes += [frozenset(range(first, count)) for first in range(2, count - 1)]
     differences = _differences(changes_between(catalogue.differing((), scopes), taken_out))
-    if differences:
-        apart = frozenset(number for number, *_ in differences)
-        if len(apart) == count:
-            apart = frozenset(range(1, count))
-        differences = _differences(changes_between(catalogue.differing([apart], scopes)))
+    apart: frozenset[int] = frozenset()
+    for _ in range(_AGAIN):
+        before, apart = apart, frozenset(number for number, *_ in differences)
+        if apart in (before, frozenset()):
+            break
+        whole = apart if len(apart) < count else frozenset(range(1, count))
+        differences = _differences(changes_between(catalogue.differing([whole], scopes)))
     made = []
     for place, part in enumerate(data.prepared.session.parts):
         some = [(shares, what) for number, shares, what in differences if number == place]

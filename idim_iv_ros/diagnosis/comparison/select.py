@@ -251,17 +251,22 @@ def climb(comparison: Comparison, start: Sequence[Term]) -> Terms:
 
 def _restarts(comparison: Comparison, best: Grown) -> Grown:
     """The best of a set that has grown and those that restarts reach."""
-    tried: set[frozenset[object]] = set()
+    reached: dict[frozenset[object], Grown] = {}
     for _ in range(_RESTARTS):
-        better = _restarted(comparison, best, tried)
+        better = _restarted(comparison, best, reached)
         if better is None:
             break
         best = better
     return best
 
 
-def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]]) -> Grown | None:
-    """A better set that grows without one of the terms; the best of fewer may be as good."""
+def _restarted(
+    comparison: Comparison, best: Grown, reached: dict[frozenset[object], Grown]
+) -> Grown | None:
+    """A better set that grows without one of the terms; the best of fewer may be as good.
+
+    `reached`: by the starts that were tried.
+    """
     value, terms = best
     simpler: Grown | None = None
     if len(terms) < 2:
@@ -270,10 +275,10 @@ def _restarted(comparison: Comparison, best: Grown, tried: set[frozenset[object]
         rest = tuple(other for other in terms if other is not term)
         alone = ((other,) for other in rest if len(rest) > 1)
         for start in (rest, *_with_other_numbers(comparison, rest), *alone):
-            if _state(start) in tried:
-                continue
-            tried.add(_state(start))
-            new, others = _grown(comparison, start)
+            state = _state(start)
+            if state not in reached:
+                reached[state] = _grown(comparison, start)
+            new, others = reached[state]
             if new > value:
                 return new, others
             fewer = len(others) < len(terms) and (simpler is None or new > simpler[0])
