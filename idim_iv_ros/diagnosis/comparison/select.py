@@ -121,7 +121,9 @@ def _curve_in_place(
         curve = comparison.curve(others, term)
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
-        gain = comparison.objective([*others, curve]) - usual
+        explained = usual - comparison.objective(others)
+        missed = settings.MISFIT_OF_OTHERS**2 * max(explained, 0.0)
+        gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT - missed
         if gain > most and curve.place.joint == term.place.joint:
             best, most = (term, curve), gain
     return best
