@@ -32,6 +32,7 @@ ARMATURE_MISSING = (
     "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
     "kg m² on the joint side, zeros for direct drives"
 )
+_LOCKED = 0.05  # rad (m) by which a locked joint may move: it sways under its load
 _REPEATED = (
     "its references repeat the measured positions, which no motion follows so closely: they are "
     "left out; give the topic on which the controller gets its references as signals.reference"
@@ -121,12 +122,14 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     Recordings are put in the order of their session first (`session_of`): the order in which they
     are given changes nothing.
 
-    Raises UsageError or DataError: see `build_inverse_model`, `choose_cutoffs`, `filter_motion`.
+    Raises UsageError or DataError: see `build_inverse_model`, `choose_cutoffs`, `filter_motion`;
+    or a joint that the model locks moves others.
     """
     session = session_of(recordings)
     recordings = session.recordings
     urdf, source = description_text(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
+    _require_locked(recordings, model.robot.carriers)
     records = [joint_side(recording, configuration) for recording in recordings]
     measured = configuration.signals.effort_topic is not None
     repeated = [measured and _repeats_motion(one) for one in records]
@@ -157,6 +160,19 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         ),
         advice=_advice(recordings, configuration),
     )
+
+
+def _require_locked(recordings: Sequence[Recording], carriers: Sequence[str]) -> None:
+    """Refuse recordings in which a joint moves that carries others and that the model locks."""
+    for recording in recordings:
+        for name in carriers:
+            low, high = recording.other_positions.get(name, (0.0, 0.0))
+            if high - low > _LOCKED:
+                raise DataError(
+                    f"{recording.path.name}: {name} carries other joints and moves from "
+                    f"{low:.3g} to {high:.3g}, and robot.joints leaves it out, which locks it: "
+                    "add it to robot.joints, or record with it at rest"
+                )
 
 
 def _repeats_motion(signals: JointSignals) -> bool:

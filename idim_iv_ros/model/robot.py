@@ -51,6 +51,7 @@ class RobotModel:
     # What of the URDF is possible but hard to believe, a sentence each
     doubts: tuple[str, ...] = ()
     armature_given: bool = False  # Whether anything says what inertia the drives have
+    carriers: tuple[str, ...] = ()  # Locked joints that carry identified ones
 
     @property
     def gravity(self) -> FloatArray:
@@ -110,7 +111,21 @@ def load_robot(
         given=_given(model, order, elements, armature, couplings),
         doubts=tuple(f"{source}: {doubt}" for doubt in doubts),
         armature_given=armature is not None or description.from_mjcf,
+        carriers=_carriers(description, joints),
     )
+
+
+def _carriers(urdf: Urdf, joints: Sequence[str]) -> tuple[str, ...]:
+    """Names of the movable joints that carry an identified one and are none of them."""
+    above = {joint.child: name for name, joint in urdf.joints.items()}
+    carriers: list[str] = []
+    for joint in joints:
+        name = above.get(urdf.joints[joint].parent)
+        while name is not None:
+            if urdf.joints[name].type in MOVABLE and name not in (*joints, *carriers):
+                carriers.append(name)
+            name = above.get(urdf.joints[name].parent)
+    return tuple(carriers)
 
 
 def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:

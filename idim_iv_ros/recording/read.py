@@ -158,7 +158,8 @@ def _recording_of(messages: BagMessages, notes: list[Note]) -> Recording:
         sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
         notes += left_out
     parts = list(parts_of(sources, str(bag.path)))
-    return _assemble(bag.path, request, parts, messages.description, notes)
+    made = _assemble(bag.path, request, parts, messages.description, notes)
+    return replace(made, other_positions=sources[request.joint_states].ranges)
 
 
 def _assemble(
@@ -198,7 +199,10 @@ def _assemble(
         torque = joined(grid, parts, effort, "effort")
     for column, joint in enumerate(() if effort is None else joints):
         if not torque.values[:, column].any():
-            why = "is zero throughout: the driver does not publish it"
+            why = (
+                "is zero throughout: the driver does not publish it; record it, or leave the joint "
+                "out of robot.joints if it carries none that moves"
+            )
             if torque.invented[:, column].all():
                 why = "is missing wherever positions are recorded"
             raise DataError(f"{path}: effort of {joint} on {effort} {why}")

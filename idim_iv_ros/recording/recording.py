@@ -6,7 +6,7 @@ warms up, blocks of time, every figure) needs a time that only increases.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -127,6 +127,8 @@ class Recording:
         Where there is no reference: other topics with positions of all joints, likely ones first.
     link_position : Signal or None
         Positions by encoders behind the gears, joint side; invented at joints without one.
+    other_positions : dict of str to (float, float)
+        Least and largest position of joints of the bag that are not identified, rad (m).
     """
 
     path: Path
@@ -144,6 +146,7 @@ class Recording:
     frozen: tuple[FrozenStretches, ...] = ()
     unused_references: tuple[str, ...] = ()
     link_position: Signal | None = None
+    other_positions: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:

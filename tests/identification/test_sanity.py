@@ -12,10 +12,11 @@ import pytest
 from bags.simulated_arms import SimulatedArm, arm2, arm6, joint_topics, record
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
+from idim_iv_ros.errors import DataError
 from idim_iv_ros.first_configuration.proposal import propose_configuration
 from idim_iv_ros.identification.check import CheckReport, check, count_reversals
 from idim_iv_ros.identification.identify import identify
-from idim_iv_ros.identification.prepare import prepare
+from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.identification.sanity import in_smaller_units
 from idim_iv_ros.recording.writing.write import write_bag
 from idim_iv_ros.report.advice import diagnosis_headline
@@ -281,6 +282,24 @@ def opposite(tmp_path_factory: pytest.TempPathFactory):
     path = bag(tmp_path_factory.mktemp("opposite"), arm, with_effort(-recorded.effort[:, JOINT],
                recorded))  # fmt: skip
     return diagnose([path], arm.configuration)
+
+
+def test_a_joint_that_moves_others_may_not_be_left_out(tmp_path: Path) -> None:
+    path = bag(tmp_path, ARM, recording())
+    robot = ARM.configuration.robot
+    for kept, refused in ((["joint_2"], True), (["joint_1"], False)):
+        less = changed(ARM.configuration, "robot", joints=kept)
+        less = changed(less, "controller", type="unknown", kp=None, kd=None, torque_limit=None)
+        less = changed(less, "simulator", armature=[0.1])
+        recordings = read_configured([path], less)
+        other = next(name for name in robot.joints if name not in kept)
+        low, high = recordings[0].other_positions[other]
+        assert high - low > 0.1
+        if refused:
+            with pytest.raises(DataError, match="joint_1 carries other joints and moves from"):
+                prepare(recordings, less)
+        else:
+            prepare(recordings, less)
 
 
 def test_an_effort_that_turns_its_sign_in_one_of_three_recordings_is_named_there() -> None:

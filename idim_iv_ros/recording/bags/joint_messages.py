@@ -36,7 +36,8 @@ class JointMessages:
     the layout (joint order, fields) of each message. `named` (n_layouts, n_joints) bool: joints
     that a layout names. `damaged`: number of unreadable messages. `passed`: number of skipped
     messages that name other joints only, say of a gripper. `names`: all joint names in the
-    messages. `origins`: field of the message by quantity, where its type has several.
+    messages. `origins`: field of the message by quantity, where its type has several. `ranges`:
+    least and largest position of joints that are not requested, rad (m).
     """
 
     topic: str
@@ -49,6 +50,7 @@ class JointMessages:
     passed: int
     names: tuple[str, ...]
     origins: dict[str, str] = field(default_factory=dict)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -161,6 +163,7 @@ class JointMessageReader:
     grows: bool = False
     damaged: int = 0
     passed: int = 0
+    _ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     _layouts: dict[object, _Layout] = field(default_factory=dict)
     _merged: int = 0
     _waiting: int = 0
@@ -193,6 +196,7 @@ class JointMessageReader:
             blocks.append((layout, block))
         columns: dict[str, FloatArray] = {}
         for layout, block in blocks:
+            self._widen_ranges(layout, block)
             for name in set(self.fields) & set(block.numbers):
                 filled = layout.places < block.numbers[name].shape[1]
                 if name not in columns:
@@ -206,6 +210,19 @@ class JointMessageReader:
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
             self._merge(self._merged)
+
+    def _widen_ranges(self, layout: _Layout, block: _Block) -> None:
+        """Note how far joints go that are not requested."""
+        positions = block.numbers.get("position")
+        if positions is None or len(layout.columns) == len(layout.names):
+            return
+        for name, values in zip(layout.names, positions.T, strict=False):
+            if name not in self.joints and np.isfinite(values).all():
+                low, high = self._ranges.get(name, (np.inf, -np.inf))
+                self._ranges[name] = (
+                    min(low, float(values.min())),
+                    max(high, float(values.max())),
+                )
 
     def _layout(self, values: JointValues) -> _Layout:
         """Return the layout of a message, a new one if no earlier message has it.
@@ -293,6 +310,7 @@ class JointMessageReader:
             passed=self.passed,
             names=tuple(names),
             origins=origins,
+            ranges=dict(self._ranges),
         )
 
 
