@@ -12,7 +12,6 @@ from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.errors import first_of
 from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline
 from idim_iv_ros.report.gap_words import (
-    VERDICTS,
     effect_at,
     effect_words,
     hint_words,
@@ -21,6 +20,7 @@ from idim_iv_ros.report.gap_words import (
     stage_words,
     torque_unit,
     untestable,
+    verdict_of,
 )
 from idim_iv_ros.report.numerals import MISSING, measured, number, plural, with_unit
 from idim_iv_ros.report.sections.causes import contrast_badge
@@ -41,7 +41,7 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
     """Print the first screen of the report: one line for each cause and each joint."""
     if result.contrast is not None:
         _print_contrast(console, result, result.contrast)
-    tone, _, words = VERDICTS[result.verdict]
+    tone, _, words = verdict_of(result)
     words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(Text(f"Verdict: {words}.", style=f"bold {_STYLES[tone]}"))
     console.print(Text(" ".join(diagnosis_headline(result))))

@@ -104,7 +104,7 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
     if not apart:
         return ()
     first = max(apart, key=lambda recording: recording.share_of_torque)
-    more = f", {len(apart) - 1} more do too" if len(apart) > 1 else ""
+    more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
     difference = first.differences[0]
     size = _size_words(difference.effect, difference.parameters)
     by = ", ".join(filter(None, (effect_at(difference.effect, difference.joint), size)))

@@ -34,6 +34,17 @@ VERDICTS = {
     "both": ("bad", "≠", "parametric and structural"),
     "unknown": ("open", "?", "unknown: something is there that no certain cause explains"),
 }
+
+
+def verdict_of(result: GapResult) -> tuple[str, str, str]:
+    """Return the verdict of a diagnosis as a badge: CSS class, sign, words."""
+    badge = VERDICTS[result.verdict]
+    differs = any(not recording.agrees for recording in result.recordings)
+    if result.verdict != "none" or not differs:
+        return badge
+    return ("fair", "≈", "recordings differ; those that agree have no cause")
+
+
 AXES = {
     "speed": "Speed",
     "direction": "Direction",

@@ -15,7 +15,7 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import VERDICTS, duration, lacking_row, wrong_numbers
+from idim_iv_ros.report.gap_words import duration, lacking_row, verdict_of, wrong_numbers
 from idim_iv_ros.report.numerals import count, exact, is_number, number, percent, plural, with_unit
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
@@ -168,7 +168,7 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
     nominal = first is not None and first.name == "given"
     return _frame(
         report,
-        badge=VERDICTS[result.verdict],
+        badge=verdict_of(result),
         headline=diagnosis_headline(result),
         steps=diagnosis_steps(report),
         lacking=[
