@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.errors import first_of
-from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline
+from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline, difference_rows
 from idim_iv_ros.report.gap_words import (
     effect_at,
     effect_words,
@@ -28,6 +28,7 @@ from idim_iv_ros.report.sections.causes import contrast_badge
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 # Columns of the tables.
 _LACKING = ("effect", ">torque gap there, rms", ">removed (95 %)", ">probable", "or else")
+_DIFFERING = ("recording", "by", "size")
 _NUMBERS = ("cause", "by (± 95 %)", ">probable", "or else")
 _CHANGES = (
     *("what changed", "second set less reference (± 95 %)", "torque that it makes"),
@@ -45,6 +46,9 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
     words = words if result.contrast is None else f"{words} (the reference by itself)"
     console.print(Text(f"Verdict: {words}.", style=f"bold {_STYLES[tone]}"))
     console.print(Text(" ".join(diagnosis_headline(result))))
+    differing = difference_rows(result)
+    if differing:
+        print_table(console, "Recordings that differ from the others", _DIFFERING, differing)
     rows = [(lacking_row(result, cause), cause) for cause in result.causes]
     lacking = [row for row, cause in rows if cause.kind == "structural"]
     if lacking:

@@ -30,6 +30,7 @@ from idim_iv_ros.report.gap_words import (
 )
 from idim_iv_ros.report.numerals import (
     INTERVAL,
+    MISSING,
     THIN,
     is_interval,
     is_number,
@@ -115,6 +116,19 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
         f"({percent(100.0 * first.share_of_torque, 2)} of the torque at {first.joint}){more}.",
         "All other numbers are means." if means else f"All else is of {used} that agree.",
     )
+
+
+def difference_rows(result: GapResult) -> list[tuple[str, str, str]]:
+    """Return rows on recordings that differ from the others: its name, effect and joint, size."""
+    return [
+        (
+            recording.bag,
+            effect_at(difference.effect, difference.joint),
+            _size_words(difference.effect, difference.parameters) or MISSING,
+        )
+        for recording in result.recordings
+        for difference in recording.differences
+    ]
 
 
 def _cause_words(result: GapResult, gap: JointGap | None) -> str:

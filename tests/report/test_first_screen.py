@@ -14,6 +14,7 @@ from idim_iv_ros.report.advice import (
     contrast_steps,
     diagnosis_headline,
     diagnosis_steps,
+    difference_rows,
     export_options,
     identification_headline,
     identification_steps,
@@ -80,6 +81,9 @@ def test_recordings_that_differ_come_before_any_cause(used: tuple[str, ...]) -> 
     headline = diagnosis_headline(result)
     assert all(words in headline[0] for words in ("odd.mcap", "12", "joint_2", "friction level"))
     assert headline[2:] == diagnosis_headline(replace(result, recordings=()))
+    (row,) = difference_rows(result)
+    assert row[:2] == ("odd.mcap", "friction level at joint_2") and "1.0" in row[2]
+    assert all(words in Page(gap_report_html(result)).text for words in row[:2])
     codes = [step.code for step in diagnosis_steps(Report(result, Files("arm6.yaml")))]
     line = "idim-iv diagnose a.mcap b.mcap --against odd.mcap --config arm6.yaml --out changes"
     assert (line in codes) == ("odd.mcap" not in used)

@@ -11,6 +11,7 @@ from idim_iv_ros.model.skeleton import Skeleton
 from idim_iv_ros.report.advice import (
     diagnosis_headline,
     diagnosis_steps,
+    difference_rows,
     identification_headline,
     identification_steps,
     verdict_badge,
@@ -175,6 +176,7 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
             lacking_row(result, cause) for cause in result.causes if cause.kind == "structural"
         ],
         wrong=wrong_numbers(result),
+        differing=difference_rows(result),
         tiles=_diagnosis_tiles(result),
         model="nominal model" if nominal else "refit",
     )
