@@ -9,7 +9,7 @@ import numpy as np
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.against.changes import agreement
+from idim_iv_ros.diagnosis.against.changes import agreement, numbers_apart, with_effects
 from idim_iv_ros.diagnosis.against.contrast import contrasted
 from idim_iv_ros.diagnosis.answer.causes import (
     hints_of,
@@ -133,18 +133,22 @@ def of_those_that_agree(
     return_freed_memory()
     watch.stage("attribution", 0.2)
     explanation = compared(refit, without)
-    session = refit.data.prepared.session.recordings
+    catalogue, session = explanation.selection.catalogue, refit.data.prepared.session.recordings
     effects = [effect.term for effect in explanation.effects]
-    agreements = agreement(explanation.selection.catalogue, effects)
-    if all(of.agrees for of in agreements):
-        return refit, explanation, agreements
+    apart, common = numbers_apart(catalogue, effects), {term.key for term in effects}
+    if not apart:
+        return refit, explanation, agreement(refit.data, apart)
+    watch.stage("recordings that differ", 0.4)
+    del explanation, effects  # before others are made
+    return_freed_memory()
+    agreements = agreement(refit.data, with_effects(catalogue, apart, common))
     groups = [
         [one for one, of in zip(session, agreements, strict=True) if of.differences == alike]
         for alike in sorted((of.differences for of in agreements), key=len)
     ]
     alike = max(groups, key=len)
-    watch.stage("recordings that agree", 0.5)
-    del refit, explanation, effects  # before others are made
+    watch.stage("recordings that agree", 0.6)
+    del refit, catalogue
     return_freed_memory()
     try:
         refit = refitted(alike, configuration, without)

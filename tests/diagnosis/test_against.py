@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, arm6
-from idim_iv_ros.diagnosis.against.changes import agreement, changes_between
+from idim_iv_ros.diagnosis.against.changes import agreement, changes_between, numbers_apart
 from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
 from idim_iv_ros.diagnosis.against.sets import two_sets
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, change_rows
@@ -235,11 +235,15 @@ def world(data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]) -> 
     return Regression(tuple(joints), plain.parameters)
 
 
+def agreement_of(catalogue: Catalogue) -> tuple[RecordingAgreement, ...]:
+    return agreement(catalogue.data, numbers_apart(catalogue))
+
+
 def differing(
     data: Baseline, seed: int, change: Mapping[int, list[np.ndarray]]
 ) -> dict[int, RecordingAgreement]:
     """Recordings that differ, by their number."""
-    agreements = agreement(Catalogue(replace(data, regression=world(data, seed, change))))
+    agreements = agreement_of(Catalogue(replace(data, regression=world(data, seed, change))))
     assert [recording.bag for recording in agreements] == [
         part.bag for part in data.prepared.session.parts
     ]
@@ -305,10 +309,10 @@ def test_a_mount_that_leans_in_all_recordings_is_no_difference_between_them() ->
     ]
     regression = replace(data.regression, joints=tuple(joints))
     names = {effect.name for effect in PARAMETRIC} - {"gravity_direction"}
-    agreements = agreement(Catalogue(replace(data, regression=regression), names))
+    agreements = agreement_of(Catalogue(replace(data, regression=regression), names))
     assert all(recording.agrees for recording in agreements)
 
 
 def test_one_recording_is_held_against_nothing(data: Baseline) -> None:
     one = SimpleNamespace(data=replace(data, motions=data.motions[:1]))
-    assert agreement(one) == ()
+    assert agreement_of(one) == ()

@@ -5,13 +5,13 @@ interval: a wrong number that looks certain. So within one set numbers may diffe
 recording, beside the effects that all of them have.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
@@ -162,34 +162,45 @@ def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Es
     return made
 
 
-def agreement(
-    catalogue: Catalogue, taken_out: Sequence[Term] = ()
-) -> tuple[RecordingAgreement, ...]:
-    """Let numbers differ between recordings; one entry for each of several, empty of one.
+Differing = list[tuple[int, FloatArray, Difference]]
+"""What recordings have otherwise than the others: number of one, shares (n_joints,), and what."""
 
-    Numbers may differ in one recording, or from one on. Where any do, effects may as well, and
-    those of all recordings are searched again beside them. Of two recordings that differ the second
-    is named: nothing says which of them is right.
+
+def numbers_apart(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Differing:
+    """Let numbers differ between the recordings of a session: in one, or from one on.
+
+    Of two recordings that differ the second is named: nothing says which of them is right.
 
     `catalogue`: of the session; `taken_out`: structural causes, whose torque is taken out first.
     """
-    data = catalogue.data
-    count = len(data.motions)
-    if count < 2:
-        return ()
-    scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
-    scopes += [frozenset(range(first, count)) for first in range(2, count - 1)]
-    differences = _differences(changes_between(catalogue.differing((), scopes), taken_out))
-    apart: frozenset[int] = frozenset()
+    if len(catalogue.data.motions) < 2:
+        return []
+    changes = changes_between(catalogue.differing((), _scopes(catalogue)), taken_out)
+    return _differences(changes)
+
+
+def with_effects(catalogue: Catalogue, apart: Differing, common: Collection[Key]) -> Differing:
+    """Let effects of the recordings that differ, and `common` ones, compete with numbers."""
+    count = len(catalogue.data.motions)
+    before: frozenset[int] = frozenset()
     for _ in range(_AGAIN):
-        before, apart = apart, frozenset(number for number, *_ in differences)
-        if apart in (before, frozenset()):
+        scope = frozenset(number for number, *_ in apart)
+        if scope in (before, frozenset()):
             break
-        whole = apart if len(apart) < count else frozenset(range(1, count))
-        differences = _differences(changes_between(catalogue.differing([whole], scopes)))
+        before = scope
+        whole = scope if len(scope) < count else frozenset(range(1, count))
+        changes = changes_between(catalogue.differing([whole], _scopes(catalogue), common))
+        apart = _differences(changes)
+    return apart
+
+
+def agreement(data: Baseline, apart: Differing) -> tuple[RecordingAgreement, ...]:
+    """One entry for each of several recordings, empty of one."""
+    if len(data.motions) < 2:
+        return ()
     made = []
     for place, part in enumerate(data.prepared.session.parts):
-        some = [(shares, what) for number, shares, what in differences if number == place]
+        some = [(shares, what) for number, shares, what in apart if number == place]
         some.sort(key=lambda pair: -float(pair[0].max()))
         squares = sum((shares**2 for shares, _ in some), np.zeros(len(data.joints)))
         worst, listed = int(np.argmax(squares)), tuple(difference for _, difference in some)
@@ -198,8 +209,14 @@ def agreement(
     return tuple(made)
 
 
-def _differences(changes: Changes) -> list[tuple[int, FloatArray, Difference]]:
-    """What every recording has otherwise than the others: its number, shares (n_joints,), what."""
+def _scopes(catalogue: Catalogue) -> list[Scope]:
+    """Recordings in which a number may differ: each, and all from one on."""
+    count = len(catalogue.data.motions)
+    scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
+    return scopes + [frozenset(range(first, count)) for first in range(2, count - 1)]
+
+
+def _differences(changes: Changes) -> Differing:
     data, space = changes.selection.catalogue.data, changes.selection.catalogue.space
     named = [
         (change.effect.name, change.joint, change.parameters, change.terms, change.recordings)

@@ -140,7 +140,12 @@ class Catalogue:
             *(number for number in self._numbers if number not in self.not_given),
         )
 
-    def differing(self, scopes: Sequence[Scope], number_scopes: Sequence[Scope]) -> "Catalogue":
+    def differing(
+        self,
+        scopes: Sequence[Scope],
+        number_scopes: Sequence[Scope],
+        common: Collection[Key] | None = None,
+    ) -> "Catalogue":
         """Return the same with candidates that act in some recordings only.
 
         What all recordings share has free numbers, and those that base parameters hold are no
@@ -148,7 +153,8 @@ class Catalogue:
         would be in it.
 
         `scopes`, `number_scopes`: recordings in which effects, and numbers, may differ from the
-        others; effects are no candidates where there are no `scopes` for them.
+        others; effects are no candidates where there are no `scopes` for them. `common`: those that
+        all recordings may share; None: every effect.
         """
         kinds = {Kind.EFFECT, Kind.CURVE} if scopes else {Kind.CURVE}
         effects = [candidate for candidate in self.candidates if candidate.kind in kinds]
@@ -159,7 +165,11 @@ class Catalogue:
         units = change_rows(self.data, made.space) if self._numbers else ()
         numbers = [replace(n, lines=_lines(units, n.changes)) for n in self._numbers]
         made.candidates = (
-            *effects,
+            *(
+                effect
+                for effect in effects
+                if common is None or effect.kind is Kind.CURVE or effect.key in common
+            ),
             *(candidate for candidate in self.candidates if candidate.kind is Kind.SIGNAL),
             *(n for n in numbers if n.is_no_base_parameter(self.space)),
             *(self._scoped(effect, scope) for scope in scopes for effect in effects),
