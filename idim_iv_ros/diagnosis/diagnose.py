@@ -160,7 +160,7 @@ def of_those_that_agree(
 def compared(refit: Refit, without: tuple[str, ...]) -> Explained:
     """Search for what explains the gap, and judge it."""
     catalogue = Catalogue(refit.data, without, refit.hidden)
-    return explained(select(catalogue, torque_ledger(refit.data)))
+    return explained(select(catalogue, torque_ledger(refit.data)), refit.on_time)
 
 
 def concluded(

@@ -1,6 +1,6 @@
 """Which terms of a selection are causes, the refit with the effects among them, and the rest."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from idim_iv_ros.types import FloatArray
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 _MORE_STEPS = 2  # of the noise models, from those of the model before
 NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
+_ON_TIME = "the effort of its joint is as late as those of the others"
 _NO_SIZE = "beside new values of all numbers its size may as well be zero"
 
 
@@ -98,14 +99,21 @@ def matters(term: Term) -> bool:
     return float(term.visible[term.place.joint]) >= settings.LEAST_NONPARAMETRIC
 
 
-def explained(selection: Selection) -> Explained:
+def explained(selection: Selection, on_time: Collection[tuple[str, int]] = ()) -> Explained:
     """Judge every term of a selection and predict held-out rows with those that are causes.
+
+    `on_time`: effects at joints of which their signals show that there is none.
 
     Effects that do not help on held-out rows, or whose size may be zero, are causes no more, and
     the others are tested anew.
     """
     repeats = repeats_of(selection.catalogue.data)
-    judgements = _assessed_terms(selection, repeats)
+    judgements = [
+        replace(judgement, reason=judgement.reason or _ON_TIME)
+        if (judgement.term.key.effect, judgement.term.key.joint) in on_time
+        else judgement
+        for judgement in _assessed_terms(selection, repeats)
+    ]
     while True:
         explanation = _tested(selection, judgements, repeats)
         idle: dict[Key, str] = {}

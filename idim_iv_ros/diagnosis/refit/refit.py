@@ -131,8 +131,17 @@ class Refit:
         )
 
     @property
+    def on_time(self) -> tuple[tuple[str, int], ...]:
+        """Delays at joints that share the shift of all: they have none of their own."""
+        chain = self.shift.chain
+        if chain.effort_shift.std is None:
+            return ()
+        shared = [j for j, name in enumerate(self.data.joints) if name not in chain.differing]
+        return tuple((name_of("delay"), joint) for joint in shared)
+
+    @property
     def not_testable(self) -> tuple[NotTestable, ...]:
-        """The same in words."""
+        """Those that are hidden, in words."""
         why = {name_of("delay"): _NOISE_ANSWERED}
         return tuple(
             NotTestable(name, self.data.joints[joint], *why.get(name, _SOFTENED))
