@@ -42,6 +42,7 @@ from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
 _NO_JOINTS: Mapping[str, EffectParameter] = MappingProxyType({})
+_FOLLOWED = 0.1  # of the commands (rms): what is beyond a law that they follow, at most
 _SAME_NUMBER = 0.1  # relative: what instruments change of it is a detail of the law
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
@@ -140,7 +141,7 @@ class LawChange:
     @property
     def is_followed(self) -> bool:
         """Whether the commands hold little beyond the law: nothing else is late."""
-        return rms(self.beyond) < settings.MUCH_BEYOND_LAW * self.every.size
+        return rms(self.beyond) < _FOLLOWED * self.every.size
 
 
 def law_change(every: CommandRows) -> LawChange:
