@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -126,7 +127,8 @@ def of_those_that_agree(
     """Search for what explains the gap; where recordings differ, again in the most that agree.
 
     One payload in one recording of four would make a mean payload with a small interval. All are
-    kept where those that agree show too little by themselves.
+    kept where those that agree are fewer than half, or show too little by themselves: what differs
+    then is no single thing.
     """
     watch.stage("refit", 0.1)
     refit = refitted(recordings, configuration, without)
@@ -148,12 +150,11 @@ def of_those_that_agree(
     ]
     alike = max(groups, key=len)
     watch.stage("recordings that agree", 0.6)
-    del refit, catalogue
+    del catalogue
     return_freed_memory()
-    try:
-        refit = refitted(alike, configuration, without)
-    except DataError:
-        refit = refitted(recordings, configuration, without)
+    if len(session) / 2 <= len(alike) < len(session):
+        with suppress(DataError):  # they show too little by themselves
+            refit = refitted(alike, configuration, without)
     return refit, compared(refit, without), agreements
 
 

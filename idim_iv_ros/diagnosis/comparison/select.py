@@ -34,6 +34,7 @@ _RESTARTS = 3
 # in 34 recordings of `benchmarks.hostile` they gained 109 of 723 once, and 18 at most else.
 _WITHIN_RESTARTS = 50.0
 _NOISE_VISITS = 3
+_MISSED = 0.003  # of the evidence of an effect: of what its shape may miss
 _MOST_ERRORS = 5  # sizes of the nominal errors that are climbed with
 _MOST_CURVES = 3
 _ROWS_PER_COLUMN = 4
@@ -122,7 +123,7 @@ def _curve_in_place(
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
         explained = usual - comparison.objective(others)
-        missed = settings.MISFIT_OF_OTHERS**2 * max(explained, 0.0)
+        missed = _MISSED * max(explained, 0.0)
         gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT - missed
         if gain > most and curve.place.joint == term.place.joint:
             best, most = (term, curve), gain
