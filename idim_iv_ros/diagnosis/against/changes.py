@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.recordings import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
+from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.types import FloatArray, IntArray
 
 _AGAIN = 2  # searches with effects of the recordings that differ
@@ -180,8 +181,11 @@ def numbers_apart(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Diffe
 
 
 def with_effects(catalogue: Catalogue, apart: Differing, common: Collection[Key]) -> Differing:
-    """Let effects of the recordings that differ, and `common` ones, compete with numbers."""
-    count = len(catalogue.data.motions)
+    """Let effects of the recordings that differ, and `common` ones, compete with numbers.
+
+    Where none of either is chosen, what numbers said by themselves stands.
+    """
+    count, by_themselves = len(catalogue.data.motions), apart
     before: frozenset[int] = frozenset()
     for _ in range(_AGAIN):
         scope = frozenset(number for number, *_ in apart)
@@ -191,7 +195,8 @@ def with_effects(catalogue: Catalogue, apart: Differing, common: Collection[Key]
         whole = scope if len(scope) < count else frozenset(range(1, count))
         changes = changes_between(catalogue.differing([whole], _scopes(catalogue), common))
         apart = _differences(changes)
-    return apart
+    effects = [what for _, _, what in apart if BY_NAME[what.effect].kind == "structural"]
+    return apart if effects or common else by_themselves
 
 
 def agreement(data: Baseline, apart: Differing) -> tuple[RecordingAgreement, ...]:
