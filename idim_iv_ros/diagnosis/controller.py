@@ -42,7 +42,6 @@ from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
 _NO_JOINTS: Mapping[str, EffectParameter] = MappingProxyType({})
-_FOLLOWED = 0.1  # of the commands (rms): what is beyond a law that they follow, at most
 _SAME_NUMBER = 0.1  # relative: what instruments change of it is a detail of the law
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
@@ -113,8 +112,9 @@ class LawChange:
         sums = np.zeros((ledger.block_count, len(apart)))
         np.add.at(sums, ledger.blocks[0], (apart * left).T)
         deviations = np.sqrt(np.sum(sums**2, axis=0))
-        clear = np.abs(apart @ rest) > settings.CLEAR_DEVIATIONS * deviations
-        return bool(np.any(clear & (np.abs(apart @ rest) > _SAME_NUMBER * np.abs(one @ rest))))
+        change, numbers = np.abs(apart @ rest), np.abs(one @ rest)
+        least = np.maximum(settings.CLEAR_DEVIATIONS * deviations, _SAME_NUMBER * numbers)
+        return bool(np.any(change > least))
 
     @property
     def before(self) -> float:
@@ -141,7 +141,7 @@ class LawChange:
     @property
     def is_followed(self) -> bool:
         """Whether the commands hold little beyond the law: nothing else is late."""
-        return rms(self.beyond) < _FOLLOWED * self.every.size
+        return rms(self.beyond) < settings.MUCH_BEYOND_LAW * self.every.size
 
 
 def law_change(every: CommandRows) -> LawChange:
@@ -249,7 +249,7 @@ def check_law(
     usual = longest_lag + data.prepared.configuration.controller.delay - shift.value
     joints = {
         joint: change
-        if is_possible(CONTROL_LAW.parameters(commands.law, joint, change.changes))
+        if _is_possible(CONTROL_LAW.parameters(commands.law, joint, change.changes))
         else replace(change, terms=())
         for joint, change in joints.items()
     }
@@ -265,9 +265,9 @@ def check_law(
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:
             gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
-        rest, rows = change.beyond, change.every
-        sizes = rms(rest), rows.size
-        if sizes[0] >= settings.MUCH_BEYOND_LAW * sizes[1]:
+        if not change.is_followed:
+            rest, rows = change.beyond, change.every
+            sizes = rms(rest), rows.size
             events = events_in(rest, rows.recording, rows.time)
             beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
     delay: tuple[Cause, ...] = ()
@@ -304,14 +304,16 @@ def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChang
     return commands, speed, joints
 
 
-def is_possible(gains: Parameters) -> bool:
-    """Whether a loop with these gains holds its joint: it answers errors, and drives no motion."""
-    ends = {
-        name: (number.value, settings.NORMAL_95 * (number.std or 0.0))
-        for name, number in gains.items()
-    }
-    stiffness, damping = ends.get("kp", (1.0, 0.0)), ends.get("kd", (1.0, 0.0))
-    return stiffness[0] > stiffness[1] and damping[0] + damping[1] >= 0.0
+def _is_possible(gains: Parameters) -> bool:
+    """Whether a loop with these gains holds its joint: it answers errors, and drives no motion.
+
+    Its stiffness is surely positive, and its damping not surely negative.
+    """
+    usual = EffectParameter(1.0, 0.0, "")
+    stiffness, damping = gains.get("kp", usual), gains.get("kd", usual)
+    least = stiffness.value - settings.NORMAL_95 * (stiffness.std or 0.0)
+    most = damping.value + settings.NORMAL_95 * (damping.std or 0.0)
+    return least > 0.0 and most >= 0.0
 
 
 def _shared_lag(

@@ -167,8 +167,8 @@ LAG_DIFFERENCE = Setting(0.5, "control periods, or intervals of the recording by
     "lag beyond that of half of the joints from which on it is the law's", CHOSEN)
 LAW_SPEED_GAIN = Setting(0.2, "commands' residual (rms)",
     "what another speed than the plain one must take, at least, to be the law's", CHOSEN)
-MUCH_BEYOND_LAW = Setting(0.05, "command (rms)",
-    "size from which on what commands hold beyond the law is said", CHOSEN)
+MUCH_BEYOND_LAW = Setting(0.1, "command (rms)",
+    "size from which on what commands hold beyond the law is said, and nothing of a lag", CHOSEN)
 LAW_EVENT_KURTOSIS = Setting(6.0, "excess kurtosis",
     "kurtosis from which on it acts at certain times only", CHOSEN)
 LAW_EVENT_SIZE = Setting(8.0, "median size",

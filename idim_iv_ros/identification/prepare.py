@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.least_squares import unseen_parameters
@@ -132,10 +130,10 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     _require_locked(recordings, model.robot.carriers)
     records = [joint_side(recording, configuration) for recording in recordings]
     measured = configuration.signals.effort_topic is not None
-    repeated = [measured and _repeats_motion(one) for one in records]
+    with_repeats = [(one, measured and _repeats_motion(one)) for one in records]
     records = [
         replace(one, position_reference=None, velocity_reference=None) if repeats else one
-        for one, repeats in zip(records, repeated, strict=True)
+        for one, repeats in with_repeats
     ]
     source = str(configuration.source or "the configuration")
     cutoffs = choose_cutoffs(configuration.processing, records, source)
@@ -153,7 +151,7 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         still=still,
         reasons=(
             *session.sentences,
-            *(f"{records[place].name}: {_REPEATED}" for place in np.flatnonzero(repeated)),
+            *(f"{one.name}: {_REPEATED}" for one, repeats in with_repeats if repeats),
             *cutoffs.reasons,
             *reasons,
             *loss_sentences(recordings),
@@ -176,6 +174,7 @@ def _require_locked(recordings: Sequence[Recording], carriers: Sequence[str]) ->
 
 
 def _repeats_motion(signals: JointSignals) -> bool:
+    """Whether the references of a recording are its measured positions."""
     reference = signals.position_reference
     return reference is not None and repeats_motion(signals.position, reference)
 

@@ -27,24 +27,13 @@ from idim_iv_ros.report.numerals import (
 
 Result = IdentificationResult | GapResult
 
-VERDICTS = {
+_VERDICTS = {
     "none": ("good", "✓", "no cause found"),
     "parametric": ("fair", "≈", "parametric: parameter errors of the nominal model"),
     "structural": ("bad", "≠", "structural: effects that the model lacks"),
     "both": ("bad", "≠", "parametric and structural"),
     "unknown": ("open", "?", "unknown: something is there that no certain cause explains"),
 }
-
-
-def verdict_of(result: GapResult) -> tuple[str, str, str]:
-    """Return the verdict of a diagnosis as a badge: CSS class, sign, words."""
-    badge = VERDICTS[result.verdict]
-    differs = any(not recording.agrees for recording in result.recordings)
-    if result.verdict != "none" or not differs:
-        return badge
-    return ("fair", "≈", "recordings differ; those that agree have no cause")
-
-
 AXES = {
     "speed": "Speed",
     "direction": "Direction",
@@ -55,6 +44,15 @@ AXES = {
 }
 _LEAST_SHARE = 0.01  # of the torque: a smaller parameter error is not mentioned first
 _STAGES = {"given": "nominal model", "refit": "refit"}
+
+
+def verdict_of(result: GapResult) -> tuple[str, str, str]:
+    """Return the verdict of a diagnosis as a badge: CSS class, sign, words."""
+    badge = _VERDICTS[result.verdict]
+    differs = any(not recording.agrees for recording in result.recordings)
+    if result.verdict != "none" or not differs:
+        return badge
+    return ("fair", "≈", "recordings differ; those that agree have no cause")
 
 
 def effect_words(effect: str) -> str:

@@ -289,66 +289,59 @@ class _Ranking:
         return np.asarray(variance / (1.0 + variance))
 
     def first(self, banned: Collection[Key]) -> Term | None:
-        """The best one that is present and that physics allows, of a place that is not banned."""
+        """The best one that is present and that physics allows, of a place that is not banned.
+
+        Scores of the same torque differ by how well the dispersion is known: effects and places
+        of nearly the best score are compared as a whole.
+        """
+        rows = self._allowed(banned)
+        of_key: dict[int, int] = {}
+        for row in rows:
+            if self.score[row] >= self._nearly(rows[0]):
+                of_key.setdefault(int(self.comparison.options.key[self.order[row]]), row)
+        terms = [self._with_rivals(row, rows) for row in list(of_key.values())[:_MOST_ALIKE]]
+        if len(terms) < 2:
+            return terms[0] if terms else None
+        others = self.model.terms
+        return max(terms, key=lambda term: self.comparison.objective((*others, term)))
+
+    def all_of(self, key: Key) -> list[Term]:
+        """Terms of all options of one effect and place that physics allows."""
+        options, allowed = self.comparison.options, self._allowed(())
+        rows = np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist()
+        return [self._with_rivals(row, allowed) for row in rows if self._numbers(row) is not None]
+
+    def _nearly(self, row: int) -> float:
+        """Score that is nearly that of a row."""
+        return float(self.score[row]) - _SAME_SCORE * max(float(self.score[row]), 0.0)
+
+    def _allowed(self, banned: Collection[Key]) -> list[int]:
+        """Rows that are present, and that physics allows, the best first, as far as they matter."""
         options, prior = self.comparison.options, self.comparison.prior
         present = self.capped + prior.of_presence[self.order] > prior.nothing
         score = np.where(present, self.score, -np.inf)
-        kept: list[int] = []
-        of_best, least = None, prior.nothing - 6.0
+        rows: list[int] = []
+        least = prior.nothing - 6.0
         for row in np.argsort(-score).tolist():
             if score[row] < least:
                 break
             k = int(self.order[row])
             acts_with = options.candidates[options.candidate[k]].effect.acts_with
             alone = acts_with and acts_with not in self.parts
-            if alone or options.keys[options.key[k]] in banned:
+            if alone or options.keys[options.key[k]] in banned or self._numbers(row) is None:
                 continue
-            numbers = self._numbers(row)
-            if numbers is None:
-                continue
-            if of_best is None:
-                of_best = numbers
-                nearly = float(score[row]) - _SAME_SCORE * max(float(score[row]), 0.0)
-                least = max(least, min(nearly, float(score[row]) - settings.NEAR))
-            kept.append(row)
-        if of_best is None:
-            return None
-        alike = self._as_good(kept)
-        near = [row for row in kept if score[row] >= score[kept[0]] - settings.NEAR]
-        best = self._term(near, *of_best)
-        if not alike:
-            return best
-        others = self.model.terms
-        return max(
-            [best, *map(self._with_rivals, alike)],
-            key=lambda term: self.comparison.objective((*others, term)),
-        )
+            if not rows:
+                least = max(least, min(self._nearly(row), float(score[row]) - settings.NEAR))
+            rows.append(row)
+        return rows
 
-    def _as_good(self, kept: Sequence[int]) -> list[int]:
-        """The best rows of other effects and places whose score is nearly that of the first.
-
-        Scores of the same torque differ by how well the dispersion is known.
-        """
-        options = self.comparison.options
-        best: dict[int, int] = {}
-        for row in kept:
-            if self.score[row] >= (1.0 - _SAME_SCORE) * self.score[kept[0]]:
-                best.setdefault(int(options.key[self.order[row]]), row)
-        return list(best.values())[1:_MOST_ALIKE]
-
-    def all_of(self, key: Key) -> list[Term]:
-        """Terms of all options of one effect and place that physics allows."""
-        options = self.comparison.options
-        rows = np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist()
-        return [self._with_rivals(row) for row in rows if self._numbers(row) is not None]
-
-    def _with_rivals(self, row: int) -> Term:
-        """Term of a row that physics allows, with all others that are as good as its rivals."""
+    def _with_rivals(self, row: int, allowed: Sequence[int]) -> Term:
+        """Term of a row, with those of the `allowed` ones that are as good as its rivals."""
         numbers = self._numbers(row)
         assert numbers is not None
-        near = np.flatnonzero(self.score >= self.score[row] - settings.NEAR).tolist()
-        rivals = [other for other in near if other != row and self._numbers(other) is not None]
-        return self._term([row, *rivals], *numbers)
+        least = self.score[row] - settings.NEAR
+        near = [other for other in allowed if other != row and self.score[other] >= least]
+        return self._term([row, *near], *numbers)
 
     def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""

@@ -34,7 +34,6 @@ _RESTARTS = 3
 # in 34 recordings of `benchmarks.hostile` they gained 109 of 723 once, and 18 at most else.
 _WITHIN_RESTARTS = 50.0
 _NOISE_VISITS = 3
-_MISSED = 0.01  # of the evidence of an effect: of what its shape may miss
 _MOST_ERRORS = 5  # sizes of the nominal errors that are climbed with
 _MOST_CURVES = 3
 _ROWS_PER_COLUMN = 4
@@ -123,7 +122,7 @@ def _curve_in_place(
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
         explained = usual - comparison.objective(others)
-        missed = _MISSED * max(explained, 0.0)
+        missed = settings.MISFIT_OF_OTHERS**2 * max(explained, 0.0)
         gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT - missed
         if gain > most and curve.place.joint == term.place.joint:
             best, most = (term, curve), gain
@@ -219,9 +218,10 @@ def _usual(errors: tuple[float, float], terms: Terms) -> float:
 
     Where all numbers are wrong by 10 % a few of them explain most of the gap, with wrong sizes.
     """
-    largest = RELATIVE_ERRORS[-1], RELATIVE_ERRORS[-1]
-    sizes = largest if _is_full(terms) else errors
-    return min(log_prior_of_errors(errors), log_prior_of_errors(sizes)) / settings.TEMPER
+    usual = log_prior_of_errors(errors)
+    if _is_full(terms):
+        usual = min(usual, log_prior_of_errors((RELATIVE_ERRORS[-1], RELATIVE_ERRORS[-1])))
+    return usual / settings.TEMPER
 
 
 def log_prior_of_errors(errors: tuple[float, float]) -> float:
