@@ -21,6 +21,7 @@ from idim_iv_ros.diagnosis.result.recordings import RecordingAgreement, Transmis
 from idim_iv_ros.effects.cause import EffectParameter, Parameters, surest
 from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words
+from idim_iv_ros.errors import first_of
 from idim_iv_ros.signals import REVERSAL_MARGIN
 
 MOST_EVENTS = 5  # that are listed
@@ -73,22 +74,18 @@ def disagreement(recordings: Sequence[RecordingAgreement], used: Sequence[str]) 
     if not differing:
         return ""
     first = max(differing, key=lambda recording: recording.share_of_torque)
-    causes = ", ".join(
+    causes = [
         f"{placed(one.effect, one.joint)} ({listed_numbers(one.effect, one.parameters, 1)})"
-        for one in first.differences[:_MOST_NUMBERS]
-    )
-    if len(first.differences) > _MOST_NUMBERS:
-        causes += f" and {len(first.differences) - _MOST_NUMBERS} more"
+        for one in first.differences
+    ]
     more = _and_more(differing, "recording")
-    several = len(used) > _MOST_NUMBERS
-    rest = f"{len(used)} that agree" if several else ", ".join(used)
-    rest = (
-        "all other numbers are means" if len(used) == len(recordings) else f"all else is of {rest}"
-    )
+    rest = "all other numbers are means"
+    if len(used) < len(recordings):
+        rest = f"all else is of {first_of(used, _MOST_NUMBERS)}"
     return (
         f"one set of parameters does not hold for all recordings: {first.bag} differs by "
-        f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} ({causes}){more}; "
-        f"{rest}"
+        f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} "
+        f"({first_of(causes, _MOST_NUMBERS)}){more}; {rest}"
     )
 
 

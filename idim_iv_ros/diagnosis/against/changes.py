@@ -215,7 +215,7 @@ def agreement(data: Baseline, apart: Differing) -> tuple[RecordingAgreement, ...
 
 
 def _scopes(catalogue: Catalogue) -> list[Scope]:
-    """Recordings in which a number may differ: each, and all from one on."""
+    """Recordings in which a number may differ: any single one, and all from one on."""
     count = len(catalogue.data.motions)
     scopes = [frozenset({number}) for number in range(1 if count == 2 else 0, count)]
     return scopes + [frozenset(range(first, count)) for first in range(2, count - 1)]

@@ -291,7 +291,7 @@ class _Ranking:
     def first(self, banned: Collection[Key]) -> Term | None:
         """The best one that is present and that physics allows, of a place that is not banned.
 
-        Scores of the same torque differ by how well the dispersion is known: effects and places
+        Scores of the same torque differ as the estimates of its dispersion do: effects and places
         of nearly the best score are compared as a whole.
         """
         rows = self._allowed(banned)
