@@ -47,8 +47,6 @@ class Comparison:
         self._starts = np.flatnonzero(new)  # of the blocks of every joint, in lines of all rows
         count = nominal.options.ledger.block_count
         self._in_block = np.equal.outer(np.arange(count), numbers[new]).astype(float)
-        acts = [[joint in c.lines for joint in range(len(blocks))] for c in self.options.candidates]
-        self.shares_of_joints = np.array(acts) / np.sum(acts, axis=1, keepdims=True)
         self._best: dict[frozenset[tuple[object, ...]], Term | None] = {}
 
     def best(self, terms: Sequence[Term]) -> Term | None:
@@ -98,12 +96,22 @@ class Comparison:
         lines = model.lines_left(term.basis.T @ products.lines(self.nominal), crossed)
         ((blocks, by_rows),) = self.dispersions(model.white_residual, [lines], [unit])
         dispersion = max(min(term.dispersion, blocks), by_rows)
-        misfit = self.misfit(model.terms)[list(term.candidate.joints)].mean(keepdims=True)
+        plain, sizes = term.unit_columns, self.options.ledger.sizes
+        shares = np.zeros((2, 1, len(sizes)))
+        for joint, table in products.white.items():
+            torque = plain[joint] / (np.sqrt(len(table)) * sizes[joint])
+            shares[:, 0, joint] = np.sum(torque**2), np.sum((table @ term.basis) ** 2)
+        shares /= np.maximum(shares.sum(axis=2, keepdims=True), 1e-300)
         evidence = float(
-            log_bayes_factor(z[None] / np.sqrt(dispersion), values[None] / dispersion, misfit)[0]
+            log_bayes_factor(
+                z[None] / np.sqrt(dispersion),
+                values[None] / dispersion,
+                misfit_of(
+                    values[None] / dispersion, shares[0], shares[1], self.misfit(model.terms)
+                ),
+            )[0]
         )
         odds = evidence + self.prior.odds_of_presence(term.key)
-        plain = term.unit_columns
         left = model.uncovered(products.moved @ term.basis, plain, crossed)
         return replace(
             term,
@@ -208,12 +216,10 @@ class _Ranking:
         self.order: IntArray = order[self.bound[order] > prior.nothing - 3.0]
         self._along = self._eigen()
         self.dispersion = np.ones(len(self.order))
-        plain = self._log_bayes(np.zeros(len(self.order)))
-        self.dispersion = self._dispersions(plain)
-        self.evidence = self._log_bayes(np.zeros(len(self.order)))
+        self.dispersion = self._dispersions(self._log_bayes())
+        self.evidence = self._log_bayes()
         self.score = self.evidence + prior.log[self.order]
-        misfit = comparison.shares_of_joints @ comparison.misfit(model.terms)
-        self.capped = self._log_bayes(misfit[options.candidate[self.order]])
+        self.capped = self._log_bayes(comparison.misfit(model.terms))
 
     def _eigen(self) -> tuple[FloatArray, FloatArray]:
         """Scores z and information λ (k, w) of the options in the order, in their eigenbases.
@@ -242,13 +248,22 @@ class _Ranking:
         _, vectors = np.linalg.eigh(self.products[int(options.width[k])][0][options.place[k]])
         return scores[row, seen], information[row, seen], vectors[:, seen]
 
-    def _log_bayes(self, misfit: FloatArray) -> FloatArray:
-        """Of the options in their order, with the present dispersion: (k,)."""
+    def _log_bayes(self, misfit: FloatArray | None = None) -> FloatArray:
+        """Of the options in their order, with the present dispersion, (k,).
+
+        `misfit`: (n_joints,) of shapes, see `Comparison.misfit`; None: shapes miss nothing.
+        """
         if not len(self.order):
             return np.zeros(0)
         scores, information = self._along
         by = self.dispersion[:, None]
-        return log_bayes_factor(scores / np.sqrt(by), information / by, misfit)
+        least = np.ones_like(information)
+        if misfit is not None:
+            nominal = self.comparison.nominal
+            torque = nominal.torque_of_joints[self.order]
+            shown = nominal.information_of_joints[self.order]
+            least = misfit_of(information / by, torque, shown, misfit)
+        return log_bayes_factor(scores / np.sqrt(by), information / by, least)
 
     def _dispersions(self, evidence: FloatArray) -> FloatArray:
         """Of the options in their order, (k,).
@@ -283,7 +298,7 @@ class _Ranking:
         scores, information = self._along
         by = self.dispersion[:, None]
         information = information / by
-        logs = _by_size(scores / np.sqrt(by), information, np.zeros(len(scores)))
+        logs = _by_size(scores / np.sqrt(by), information, np.ones_like(information))
         weights = np.exp(logs - logs.max(axis=1, keepdims=True))
         variance = (weights @ _SIZES**2 / weights.sum(axis=1))[:, None] * information
         return np.asarray(variance / (1.0 + variance))
@@ -440,18 +455,34 @@ def _directions_of(inner: FloatArray, coefficients: FloatArray) -> tuple[FloatAr
     return root, energy / max(float(energy.sum()), 1e-300)
 
 
-def _by_size(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
-    """Logarithm of the Bayes factor of each size, (k, sizes), from z, λ (k, w) and τ₀² (k,)."""
-    information = information[:, None, :]
-    least = 1.0 + misfit[:, None, None] * information
+def misfit_of(
+    information: FloatArray, torque: FloatArray, shown: FloatArray, misfit: FloatArray
+) -> FloatArray:
+    """Return a = 1 + τ₀² λ (k, w): what shapes miss at one joint says nothing of another.
+
+    A size is known at each joint with the information λⱼ there, at most 1/τ₀ⱼ²; the sum over joints
+    is λ / a.
+
+    `information`: (k, w) λ; `torque`, `shown`: (k, n_joints) shares of the joints in the torque of
+    an option, and in what is known of its size; `misfit`: (n_joints,) squares of shares of torque.
+    """
+    of_joints = information[:, :, None] * shown[:, None, :]
+    missed = misfit / np.maximum(torque, 1e-12)
+    shares = shown[:, None, :] / (1.0 + missed[:, None, :] * of_joints)
+    return np.asarray(1.0 / np.maximum(shares.sum(axis=2), 1e-300))
+
+
+def _by_size(scores: FloatArray, information: FloatArray, least: FloatArray) -> FloatArray:
+    """Logarithm of the Bayes factor of each size, (k, sizes), from z, λ and a (k, w) each."""
+    information, least = information[:, None, :], least[:, None, :]
     whole = least + _SIZES[:, None] ** 2 * information
     squares = scores[:, None, :] ** 2
     gains = squares * (1.0 / least - 1.0 / whole) - np.log(whole / least)
     return np.asarray(0.5 * gains.sum(axis=2))
 
 
-def log_bayes_factor(scores: FloatArray, information: FloatArray, misfit: FloatArray) -> FloatArray:
+def log_bayes_factor(scores: FloatArray, information: FloatArray, least: FloatArray) -> FloatArray:
     """The mean over sizes, (k,)."""
-    of_size = _by_size(scores, information, misfit)
+    of_size = _by_size(scores, information, least)
     top = of_size.max(axis=1)
     return np.asarray(top + np.log(np.mean(np.exp(of_size - top[:, None]), axis=1)))

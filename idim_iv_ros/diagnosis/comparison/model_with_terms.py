@@ -118,7 +118,7 @@ class NominalErrors:
     def __init__(self, white: Whitened, errors: tuple[float, float]) -> None:
         self.options, self.white, self.errors = white.options, white, errors
         options, ledger = white.options, white.options.ledger
-        inner_torque, normal_torque, shared_torque = options.torques
+        inner_torques, normal_torque, shared_torque = options.torques
         sizes = ledger.errors(errors)
         values, vectors = np.linalg.eigh(sizes.T @ white.normal @ sizes)
         values = np.maximum(values, 0.0)
@@ -135,22 +135,27 @@ class NominalErrors:
         self.projected = white.shared @ self.root  # (p, k)
         score = white.score - self.projected @ self.explained
         self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
+        count = len(options.width), len(ledger.joints)
+        self.torque_of_joints, self.information_of_joints = np.zeros(count), np.zeros(count)
         for w, which in options.of_width.items():
+            inner_torque = np.sum([torques[w] for torques in inner_torques], axis=0)
             columns = options.columns[w]
             part = self.projected[columns]
             inner = white.inner[w] - np.matmul(part, part.transpose(0, 2, 1))
             moved = (part.reshape(-1, part.shape[2]) @ self.root.T).reshape(*columns.shape, -1)
             twice = moved @ normal_torque - 2.0 * shared_torque[columns]
             change = np.matmul(moved, twice.transpose(0, 2, 1))
-            visible = inner_torque[w] + 0.5 * (change + change.transpose(0, 2, 1))
+            visible = inner_torque + 0.5 * (change + change.transpose(0, 2, 1))
             number = options.is_number[which]
-            visible[number] = inner_torque[w][number]
+            visible[number] = inner_torque[number]
             energy, directions = np.linalg.eigh(visible)
-            whole = np.trace(inner_torque[w], axis1=1, axis2=2)
+            whole = np.trace(inner_torque, axis1=1, axis2=2)
             energy = np.maximum(energy, 1e-5 * whole[:, None] / w + 1e-30)
             basis = directions / np.sqrt(energy * w)[:, None, :]
             turned = basis.transpose(0, 2, 1)
             self.basis[w] = basis
+            self.torque_of_joints[which] = _shares(inner_torques, w, basis)
+            self.information_of_joints[which] = _shares(white.by_joint, w, basis)
             self.inner[w] = np.matmul(turned, np.matmul(inner, basis))
             before = np.matmul(turned, np.matmul(white.inner[w], basis))
             self.raw[w] = _ROUNDING * np.trace(before, axis1=1, axis2=2)
@@ -203,6 +208,13 @@ class NominalErrors:
             white = self.white.columns(self.columns(option))
             self._lines[option] = self.lines_net_of_errors(white, self.moved(option))
         return self._lines[option]
+
+
+def _shares(by_joint: Sequence[dict[int, FloatArray]], w: int, basis: FloatArray) -> FloatArray:
+    """Shares (m_w, n_joints) of the joints in the energy of options of one width, in a basis."""
+    energies = [np.sum(basis * np.matmul(inner[w], basis), axis=(1, 2)) for inner in by_joint]
+    energy = np.column_stack(energies)
+    return np.asarray(energy / np.maximum(energy.sum(axis=1, keepdims=True), 1e-300))
 
 
 class _TermProducts:

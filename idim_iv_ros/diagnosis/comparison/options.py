@@ -86,14 +86,14 @@ class Options:
         return Prior(self)
 
     @cached_property
-    def torques(self) -> tuple[dict[int, FloatArray], FloatArray, FloatArray]:
-        """Inner, normal and shared products of rows by the joint's torque: shares squared."""
+    def torques(self) -> tuple[list[dict[int, FloatArray]], FloatArray, FloatArray]:
+        """Inner (by joint), normal and shared products of rows by the torque: shares squared."""
         noise, model = [], []
         for rows, size in zip(self.ledger.joints, self.ledger.sizes, strict=True):
             flat = AutoregressiveModel(np.zeros(0), max(len(rows), 1) * float(size) ** 2)
             noise.append(RowNoise(flat, np.ones(len(rows))))
             model.append(flat.standardized(rows.matrix, rows.segments))
-        return self.inner_products(noise)[0], *self.products_with_model(model, noise)
+        return self.inner_by_joint(noise), *self.products_with_model(model, noise)
 
     def named(self, option: int) -> tuple[Candidate, Shape]:
         """Candidate and shape of an option."""
@@ -101,13 +101,13 @@ class Options:
         return candidate, candidate.shapes[self.shape[option]]
 
     def inner_products(
-        self, noise: Sequence[RowNoise], parts: Sequence[IntArray] | None = None
+        self, noise: Sequence[RowNoise], parts: Sequence[IntArray]
     ) -> list[dict[int, FloatArray]]:
         """Products (m_w, w, w) of the whitened columns of each option, over all joints, by part.
 
-        `parts`: part (r_j,) that each row of a joint belongs to; None: one for all.
+        `parts`: part (r_j,) that each row of a joint belongs to.
         """
-        count = 1 if parts is None else 1 + max(int(part.max(initial=0)) for part in parts)
+        count = 1 + max(int(part.max(initial=0)) for part in parts)
         made = [
             {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
             for _ in range(count)
@@ -120,10 +120,14 @@ class Options:
                 rows = noise[joint].standardized(table[start * w : stop * w].T, segments).T
                 rows = rows.reshape(stop - start, w, -1)
                 places = slice(first + start, first + stop)
-                for k in range(count):
-                    part = rows if parts is None else rows[:, :, parts[joint] == k]
-                    made[k][w][self.place[places]] += _dots(part)
+                for k in np.unique(parts[joint]):
+                    made[k][w][self.place[places]] += _dots(rows[:, :, parts[joint] == k])
         return made
+
+    def inner_by_joint(self, noise: Sequence[RowNoise]) -> list[dict[int, FloatArray]]:
+        """Products (m_w, w, w) of the whitened columns of each option, one for each joint."""
+        joints = [np.full(len(rows), joint) for joint, rows in enumerate(self.ledger.joints)]
+        return self.inner_products(noise, joints)
 
     def _tables(self) -> Iterator[tuple[int, int, SingleArray, int]]:
         """Yield the lines of every candidate at every joint that counts: (joint, first, lines, w).
@@ -180,7 +184,7 @@ class Whitened:
     The columns of the options, which are by far the most, are not kept whitened: (W x)ᵀ y is xᵀ (Wᵀ
     y). Rows of `model` (r_j, c_j) and `gap` (r_j,) that are not `counted` are zero; `normal`: XᵀX
     (b, b); `shared`: all columns with X (p, b); `inner`: (m_w, w, w) products of the columns of
-    each option.
+    each option; `by_joint`: the same of the rows of each joint, whether they count or not.
     """
 
     options: Options
@@ -191,6 +195,7 @@ class Whitened:
     normal: FloatArray
     shared: FloatArray
     inner: dict[int, FloatArray]
+    by_joint: list[dict[int, FloatArray]]
 
     @cached_property
     def score(self) -> FloatArray:
@@ -218,6 +223,7 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
         model.append(both[:, :-1])
         gap.append(both[:, -1])
     normal, shared = options.products_with_model(model, noise)
+    by_joint = options.inner_by_joint(noise)
     return Whitened(
         options=options,
         noise=tuple(noise),
@@ -226,7 +232,8 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
         counted=tuple(np.full(len(rows), not rows.left_out) for rows in ledger.joints),
         normal=normal,
         shared=shared,
-        inner=options.inner_products(noise)[0],
+        inner={w: np.sum([inner[w] for inner in by_joint], axis=0) for w in options.of_width},
+        by_joint=by_joint,
     )
 
 
