@@ -72,16 +72,10 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     options = Options(ledger, catalogue.candidates)
     noise = noise_of(ledger, _without_curves(ledger, catalogue))
     terms: Terms = ()
-    errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
         white = whitened(options, noise)
         return_freed_memory()
-        if errors is None:
-            comparison, terms = _with_likely_errors(catalogue, white)
-            errors = comparison.nominal.errors
-        else:
-            comparison = Comparison(catalogue, NominalErrors(white, errors))
-            terms = climb(comparison, terms)
+        comparison, terms = _with_likely_errors(catalogue, white, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
             model = ModelWithTerms(comparison.nominal, terms)
@@ -176,16 +170,21 @@ def refit_residuals(
     ]
 
 
-def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparison, Terms]:
-    """Climb from small and from likely nominal errors, and again where others are likelier."""
+def _with_likely_errors(
+    catalogue: Catalogue, white: Whitened, terms: Terms
+) -> tuple[Comparison, Terms]:
+    """Climb from small and from likely nominal errors, and again where others are likelier.
+
+    `terms`: of the search before, with which other errors may be likely.
+    """
 
     def comparison(errors: tuple[float, float]) -> Comparison:
         return Comparison(catalogue, NominalErrors(white, errors))
 
     if not white.options.ledger.nominal:
         only = comparison((1.0, 1.0))
-        return only, climb(only, ())
-    starts = [likeliest_errors(white, ())]
+        return only, climb(only, terms)
+    starts = [likeliest_errors(white, terms)]
     starts += [(size, size) for size in RELATIVE_ERRORS[:2]]
     best: tuple[float, Comparison, Terms] | None = None
     tried: set[tuple[float, float]] = set()
@@ -196,18 +195,18 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         tried.add(errors)
         this = comparison(errors)
         # From nothing, and from what is best so far, which other errors may have led to.
-        starts_of_terms: list[Terms] = [()] if best is None else [(), best[2]]
-        grown = [_grown(this, start) for start in starts_of_terms]
-        reached, terms = max(grown, key=itemgetter(0))
-        value = reached + _usual(errors, terms)
-        if not _is_full(terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
+        so_far = terms if best is None else best[2]
+        grown = [_grown(this, start) for start in ((), so_far)]
+        reached, grown_terms = max(grown, key=itemgetter(0))
+        value = reached + _usual(errors, grown_terms)
+        if not _is_full(grown_terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
             # Fewer terms may be taken for misfit of many: that says nothing of the errors.
-            restarted, terms = _restarts(this, (reached, terms))
-            value = max(reached, restarted) + _usual(errors, terms)
+            restarted, grown_terms = _restarts(this, (reached, grown_terms))
+            value = max(reached, restarted) + _usual(errors, grown_terms)
         if len(tried) < _MOST_ERRORS:
-            starts.append(likeliest_errors(white, terms))
+            starts.append(likeliest_errors(white, grown_terms))
         if best is None or value > best[0]:
-            best = value, this, terms
+            best = value, this, grown_terms
         del this  # before the next one is made
     assert best is not None
     return best[1], best[2]
