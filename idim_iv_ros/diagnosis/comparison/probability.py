@@ -19,7 +19,7 @@ FEATURES = (
     "least gain in the prediction of a part of the time, logarithm with its sign",
     "logarithm of its visible share of the torque over what remains beyond the noise",
     "its weight in its set",
-    "logarithm of its visible share over that of all other effects",
+    "logarithm of its visible share over that of all other effects at its joint",
     "logarithm of the variance of its score over that of the noise",
     "whether a free curve is left",
 )
@@ -66,12 +66,11 @@ def features(
     others = (*terms[:number], *terms[number + 1 :])
     loss = max(comparison.objective(terms) - comparison.objective(others), 0.0)
     dispersion = max(float(term.dispersion), 1.0)
-    visible = float(term.visible.max())
-    beyond = float(remaining[int(np.argmax(term.visible))])
+    joint = int(np.argmax(term.visible))
+    visible, beyond = float(term.visible[joint]), float(remaining[joint])
     least = float(np.min(chosen.gains[:, number]))
     # Shapes of effects are never exact: a small term beside large ones may be their misfit.
-    shares = [float(o.visible.max()) for o in others if o.is_effect]
-    rest = float(np.linalg.norm(shares))
+    rest = float(np.linalg.norm([other.visible[joint] for other in others if other.is_effect]))
     return np.array(
         [
             max(min(np.log1p(loss), _MOST_LOSS), min(np.log1p(loss / dispersion), _MOST_DISPERSED)),
