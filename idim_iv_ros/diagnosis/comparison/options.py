@@ -37,10 +37,16 @@ class Prior:
         self.log = np.log(weight[options.key] / shapes[options.key])
         self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
         self.nothing = float(np.log(_NOTHING))
+        candidates = zip(options.candidate.tolist(), self.log.tolist(), strict=True)
+        self._of_option = {options.candidates[number]: log for number, log in candidates}
         self._of_key = {
             options.keys[number]: float(value)
             for number, value in zip(options.key, self.of_presence, strict=True)
         }
+
+    def of_candidate(self, candidate: Candidate) -> float:
+        """Logarithm of the prior probability of one of the shapes of a candidate."""
+        return self._of_option[candidate]
 
     def odds_of_presence(self, key: Key) -> float:
         """Logarithm of the prior odds of an effect at a place against nothing more."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import softmax
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
@@ -24,6 +25,7 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     for number, term in enumerate(kept):
         if term.shape.numbers:
             kept[number] = _refined(comparison, kept, number)
+            kept[number] = _likeliest_name(comparison, kept, number)
     kept = [
         comparison.weighed(term, [*kept[:number], *kept[number + 1 :]])
         for number, term in enumerate(kept)
@@ -49,10 +51,46 @@ def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term
         highest, term = best
 
 
+def _likeliest_name(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
+    """The term, or the same shape of another effect of its place: on the grid both may be far off.
+
+    So it is with a torque and a gain of the effort that ripple over the position.
+    """
+    term, prior = terms[number], comparison.prior
+    options = [(ModelWithTerms(comparison.nominal, tuple(terms)).level + term.log_prior, term)]
+    for candidate in comparison.options.candidates:
+        alike = type(candidate.shapes[0]) is type(term.shape) and candidate.key != term.key
+        if not alike or (candidate.place, candidate.scope) != (term.place, term.candidate.scope):
+            continue
+        other = replace(term, candidate=candidate, log_prior=prior.of_candidate(candidate))
+        others = [*terms[:number], other, *terms[number + 1 :]]
+        best = _best_of(comparison, others, number, [term.shape], anew=True)
+        if best is not None:
+            others[number] = best[1]
+            other = _refined(comparison, others, number)
+            others[number] = other
+            level = ModelWithTerms(comparison.nominal, tuple(others)).level
+            options.append((level + other.log_prior, other))
+    levels = np.array([level for level, _ in options])
+    likeliest = options[int(np.argmax(levels))][1]
+    if likeliest is term:
+        return term
+    weights = zip((other.key for _, other in options), softmax(levels).tolist(), strict=True)
+    return replace(likeliest, rivals=tuple(sorted(weights, key=lambda pair: -pair[1])))
+
+
 def _best_of(
-    comparison: Comparison, terms: Sequence[Term], number: int, shapes: Sequence[Shape]
+    comparison: Comparison,
+    terms: Sequence[Term],
+    number: int,
+    shapes: Sequence[Shape],
+    *,
+    anew: bool = False,
 ) -> tuple[float, Term] | None:
-    """The likeliest of some shapes in the place of a term, and the level of the model with it."""
+    """The likeliest of some shapes in the place of a term, and the level of the model with it.
+
+    `anew`: whether the term has the size of another effect as yet.
+    """
     term, catalogue = terms[number], comparison.catalogue
     shapes = [shape for shape in shapes if _within_grid(term, shape)]
     best: tuple[float, Term] | None = None
@@ -64,7 +102,7 @@ def _best_of(
             term,
             shape=shape,
             columns=dict(columns),
-            basis=_unit_torque(comparison, columns) if width != term.width else term.basis,
+            basis=_unit_torque(comparison, columns) if anew or width != term.width else term.basis,
             coefficients=np.zeros(width),
         )
         trial = [*terms[:number], other, *terms[number + 1 :]]
