@@ -37,8 +37,8 @@ class Prior:
         self.log = np.log(weight[options.key] / shapes[options.key])
         self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
         self.nothing = float(np.log(_NOTHING))
-        candidates = zip(options.candidate.tolist(), self.log.tolist(), strict=True)
-        self._of_option = {options.candidates[number]: log for number, log in candidates}
+        candidates = zip(options.candidate, self.log, strict=True)
+        self._of_option = {options.candidates[int(k)]: float(log) for k, log in candidates}
         self._of_key = {
             options.keys[number]: float(value)
             for number, value in zip(options.key, self.of_presence, strict=True)
