@@ -26,13 +26,12 @@ from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.types import BoolArray, FloatArray
 
 Terms = tuple[Term, ...]
-Sizes = tuple[float, float]  # of nominal errors, of links and of drives
 Grown = tuple[float, Terms]  # a set with its objective
 _MOST_TERMS = 8  # besides errors of signals, which every joint may have
 _ROUNDS = 18  # of adding one term
 _RESTARTS = 3
-# Objective that sizes of nominal errors may lack if restarts, or another noise, are to make up for
-# it: in 34 recordings of `benchmarks.hostile` restarts gained 109 of 723 once, 18 at most else.
+# Objective that a set of as many terms as there may be may lack if restarts are to make up for it:
+# in 34 recordings of `benchmarks.hostile` they gained 109 of 723 once, and 18 at most else.
 _WITHIN_RESTARTS = 50.0
 _NOISE_VISITS = 3
 _MOST_ERRORS = 5  # sizes of the nominal errors that are climbed with
@@ -73,11 +72,16 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     options = Options(ledger, catalogue.candidates)
     noise = noise_of(ledger, _without_curves(ledger, catalogue))
     terms: Terms = ()
-    sizes = [(size, size) for size in RELATIVE_ERRORS[:2]]
+    errors: tuple[float, float] | None = None
     for visit in range(_NOISE_VISITS):
         white = whitened(options, noise)
         return_freed_memory()
-        comparison, terms, sizes = _with_likely_errors(catalogue, white, terms, sizes)
+        if errors is None:
+            comparison, terms = _with_likely_errors(catalogue, white)
+            errors = comparison.nominal.errors
+        else:
+            comparison = Comparison(catalogue, NominalErrors(white, errors))
+            terms = climb(comparison, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
             model = ModelWithTerms(comparison.nominal, terms)
@@ -172,46 +176,44 @@ def refit_residuals(
     ]
 
 
-def _with_likely_errors(
-    catalogue: Catalogue, white: Whitened, terms: Terms, sizes: Sequence[Sizes]
-) -> tuple[Comparison, Terms, list[Sizes]]:
-    """Climb with likely sizes of nominal errors, and again where others are likelier.
+def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparison, Terms]:
+    """Climb from small and from likely nominal errors, and again where others are likelier."""
 
-    `terms`: of the search with the noise before; `sizes`: that may be likely, the best first. Those
-    that still may be are returned.
-    """
+    def comparison(errors: tuple[float, float]) -> Comparison:
+        return Comparison(catalogue, NominalErrors(white, errors))
+
     if not white.options.ledger.nominal:
-        only = Comparison(catalogue, NominalErrors(white, (1.0, 1.0)))
-        return only, climb(only, terms), []
-    starts = [likeliest_errors(white, terms), *sizes]
+        only = comparison((1.0, 1.0))
+        return only, climb(only, ())
+    starts = [likeliest_errors(white, ())]
+    starts += [(size, size) for size in RELATIVE_ERRORS[:2]]
     best: tuple[float, Comparison, Terms] | None = None
-    values: dict[Sizes, float] = {}
+    tried: set[tuple[float, float]] = set()
     while starts:
         errors = starts.pop(0)
-        if errors in values:
+        if errors in tried:
             continue
-        this = Comparison(catalogue, NominalErrors(white, errors))
+        tried.add(errors)
+        this = comparison(errors)
         # From nothing, and from what is best so far, which other errors may have led to.
-        so_far = terms if best is None else best[2]
-        grown = [_grown(this, start) for start in ((), so_far)]
-        reached, grown_terms = max(grown, key=itemgetter(0))
-        value = reached + _usual(errors, grown_terms)
-        if not _is_full(grown_terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
+        starts_of_terms: list[Terms] = [()] if best is None else [(), best[2]]
+        grown = [_grown(this, start) for start in starts_of_terms]
+        reached, terms = max(grown, key=itemgetter(0))
+        value = reached + _usual(errors, terms)
+        if not _is_full(terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
             # Fewer terms may be taken for misfit of many: that says nothing of the errors.
-            restarted, grown_terms = _restarts(this, (reached, grown_terms))
-            value = max(reached, restarted) + _usual(errors, grown_terms)
-        values[errors] = value
-        if len(values) < _MOST_ERRORS:
-            starts.append(likeliest_errors(white, grown_terms))
+            restarted, terms = _restarts(this, (reached, terms))
+            value = max(reached, restarted) + _usual(errors, terms)
+        if len(tried) < _MOST_ERRORS:
+            starts.append(likeliest_errors(white, terms))
         if best is None or value > best[0]:
-            best = value, this, grown_terms
+            best = value, this, terms
         del this  # before the next one is made
     assert best is not None
-    likely = [errors for errors, value in values.items() if value > best[0] - _WITHIN_RESTARTS]
-    return best[1], best[2], sorted(likely, key=lambda errors: -values[errors])
+    return best[1], best[2]
 
 
-def _usual(errors: Sizes, terms: Terms) -> float:
+def _usual(errors: tuple[float, float], terms: Terms) -> float:
     """What is usual of nominal errors; as many terms as there may be are as rare as large errors.
 
     Where all numbers are wrong by 10 % a few of them explain most of the gap, with wrong sizes.
@@ -222,7 +224,7 @@ def _usual(errors: Sizes, terms: Terms) -> float:
     return usual / settings.TEMPER
 
 
-def log_prior_of_errors(errors: Sizes) -> float:
+def log_prior_of_errors(errors: tuple[float, float]) -> float:
     """Logarithm of what is usual of nominal models."""
     logs = np.log(np.array(errors) / RELATIVE_ERRORS[0])
     apart = float(logs[0] - logs[1])
@@ -230,7 +232,7 @@ def log_prior_of_errors(errors: Sizes) -> float:
     return -settings.ERROR_COST * float(logs.max()) - 0.5 * apart**2
 
 
-def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> Sizes:
+def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> tuple[float, float]:
     """Relative errors of links and drives under which rows and terms are likeliest."""
     ledger, tables = white.options.ledger, []
     columns = [(term.width, white.columns(term.columns)) for term in terms]
@@ -243,7 +245,7 @@ def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> Sizes:
     products = np.sum(tables, axis=0)
     roots = [term.prior_root for term in terms]
 
-    def likelihood(errors: Sizes) -> float:
+    def likelihood(errors: tuple[float, float]) -> float:
         sizes = scipy.linalg.block_diag(ledger.errors(errors), *roots)
         inner = sizes.T @ products[:-1, :-1] @ sizes + np.eye(sizes.shape[1])
         root = np.linalg.cholesky(inner)
