@@ -34,14 +34,6 @@ _VERDICTS = {
     "both": ("bad", "≠", "parametric and structural"),
     "unknown": ("open", "?", "unknown: something is there that no certain cause explains"),
 }
-AXES = {
-    "speed": "Speed",
-    "direction": "Direction",
-    "position": "Position",
-    "load": "Load",
-    "time": "Time",
-    "reversal": "Distance since reversal",
-}
 _LEAST_SHARE = 0.01  # of the torque: a smaller parameter error is not mentioned first
 _STAGES = {"given": "nominal model", "refit": "refit"}
 
@@ -119,18 +111,19 @@ def torque_word(unit: str) -> str:
     )
 
 
-def regime_range(regime: Regime, session: Sequence[SessionPart] = ()) -> str:
-    """Return the bounds of a regime without unit; a time as that in one of the recordings."""
+def regime_range(regime: Regime, session: Sequence[SessionPart]) -> str:
+    """Return the bounds of a regime with their unit; a time as that in one of the recordings."""
     low, high = regime.low, regime.high
     if regime.axis == "direction":
         return "backwards" if low + high < 0.0 else "forwards"
     if regime.axis == "time" and len(session) > 1:
         return in_recordings(session, low, high)
-    if not math.isfinite(high):
-        return f"> {round_number(low)}" if math.isfinite(low) else "all"
+    bounds = f"{round_number(low)} … {round_number(high)}"
     if not math.isfinite(low):
-        return f"< {round_number(high)}"
-    return f"{round_number(low)} … {round_number(high)}"
+        bounds = f"< {round_number(high)}"
+    if not math.isfinite(high):
+        bounds = f"> {round_number(low)}" if math.isfinite(low) else "all"
+    return f"{bounds} {regime.unit}".strip()
 
 
 def duration(result: GapResult) -> float:

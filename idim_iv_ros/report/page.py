@@ -5,6 +5,7 @@ import gzip
 from collections.abc import Sequence
 from functools import cache
 from importlib import resources
+from inspect import getmembers, isfunction
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -91,7 +92,10 @@ def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the environment of the templates: text is escaped, undefined names are errors."""
+    """Return the environment of the templates: text is escaped, undefined names are errors.
+
+    Functions of `numerals` are filters, and those of `gap_words` may be called.
+    """
     templates = Environment(
         loader=PackageLoader("idim_iv_ros.report"),
         autoescape=True,
@@ -99,12 +103,8 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("number", "round_number", "exact", "count", "measured", "with_digits_of",
-                 "percent", "p_value", "with_unit", "sentence", "plural", "with_interval",
-                 "share"):  # fmt: skip
-        templates.filters[name] = getattr(numerals, name)
-    for name in ("torque_unit", "unit_in", "effect_at", "parameter_words"):
-        templates.globals[name] = getattr(gap_words, name)
+    templates.filters |= dict(getmembers(numerals, isfunction))
+    templates.globals |= dict(getmembers(gap_words, isfunction))
     templates.tests["finite"] = numerals.is_number
     return templates
 

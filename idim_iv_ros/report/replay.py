@@ -10,7 +10,7 @@ from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, Ti
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
-from idim_iv_ros.report.sections.stages import Bar, bar
+from idim_iv_ros.report.sections.stages import Bar
 from idim_iv_ros.report.time_axis import peaks
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,
@@ -88,11 +88,11 @@ def shrinkage(result: ReplayResult) -> list[Row]:
     for name, before, after, noise, unit in pairs:
         longest = max(before.rms, after.high, 1e-300)
         bars = (
-            bar("full given", 0.0, before.rms / longest),
-            bar("full effect", 0.0, after.rms / longest),
-            bar("whisker", after.low / longest, after.high / longest),
+            ("full given", 0.0, before.rms / longest),
+            ("full effect", 0.0, after.rms / longest),
+            ("whisker", after.low / longest, after.high / longest),
         )
-        floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
+        floor = ("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
         half = 0.5e3 * (after.high - after.low)
         shown = [f"{1e3 * before.rms:.3g} {unit}", f"{1e3 * after.rms:.3g} ± {half:.1g} {unit}"]
         ratio = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"

@@ -6,7 +6,6 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
 from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
-from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.report.figures import (
     BACKWARD,
     BLUE,
@@ -21,7 +20,6 @@ from idim_iv_ros.report.figures import (
     line,
 )
 from idim_iv_ros.report.gap_words import drawable, small_unit, torque_unit, unit_in, worth_seeing
-from idim_iv_ros.report.numerals import MISSING, THIN, number, with_interval
 from idim_iv_ros.report.section import Report, Section
 from idim_iv_ros.types import FloatArray
 
@@ -38,7 +36,6 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         for index, series in enumerate(result.twists)
     ]
     return {
-        "rows": [_row(result, transmission) for transmission in result.transmissions],
         "legend": [
             Mark("line", FORWARD, "forwards (speed > 0)"),
             Mark("line", BACKWARD, "backwards"),
@@ -46,39 +43,6 @@ def _context(report: Report[GapResult]) -> dict[str, Any] | None:
         ],
         "plots": plots,
     }
-
-
-def _row(result: GapResult, transmission: Transmission) -> dict[str, str]:
-    """Return the table row of a transmission: its numbers, or bounds of them."""
-    small = small_unit(result, transmission.joint)
-    bound = ""
-    if transmission.stiffness is None and transmission.stiffness_at_least is not None:
-        bound = f"> {number(transmission.stiffness_at_least, 2)}"
-    gap = MISSING
-    if transmission.backlash is None and transmission.backlash_at_most is not None:
-        gap = f"< {number(1e3 * transmission.backlash_at_most, 2)}{THIN}{small}"
-    share = MISSING
-    if transmission.time_offset is not None:
-        share = f"{100.0 * transmission.elastic_share:.0f}{THIN}%"
-    return {
-        "joint": transmission.joint,
-        "stiffness": _number(transmission.stiffness)
-        if transmission.stiffness
-        else bound or MISSING,
-        "damping": _number(transmission.damping),
-        "backlash": _number(transmission.backlash, 1e3, small) if transmission.backlash else gap,
-        "lost_motion": _number(transmission.lost_motion, 1e3, small),
-        "offset": _number(transmission.time_offset, 1e3, "ms"),
-        "share": share,
-        "remark": transmission.reason,
-    }
-
-
-def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "") -> str:
-    if parameter is None:
-        return MISSING
-    std = None if parameter.std is None else scale * parameter.std
-    return with_interval(scale * parameter.value, std, unit or parameter.unit)
 
 
 def twist_figure(

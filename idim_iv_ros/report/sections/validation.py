@@ -17,22 +17,15 @@ from idim_iv_ros.report.figures import (
     layout,
     line,
 )
-from idim_iv_ros.report.numerals import count, number, p_equals
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
-_SPACE = "\N{NO-BREAK SPACE}"
-
-# An answer and what it rests on.
-Answer = tuple[str, str]
 
 
 def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     row_rate = report.result.processing.row_rate
     return {
-        "answers": (_white, _whitened_answer, _gaussian_answer),
         "legend": [
             Mark("line", ORANGE, "residual as it is"),
             Mark("line", BLUE, "whitened by the autoregressive filter"),
@@ -43,43 +36,6 @@ def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
             for index, residual in enumerate(report.result.residuals)
         ],
     }
-
-
-def _white(residual: JointResidual) -> Answer:
-    test = residual.whiteness
-    if residual.white is None:
-        return "not tested", test.reason or ""
-    if not residual.white:
-        return "no", _p_text(test)
-    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p_text(test)
-
-
-def _whitened_answer(residual: JointResidual) -> Answer:
-    test = residual.whiteness_after
-    if residual.ar_order == 0:
-        return "nothing to filter", ""
-    if test.accepted is None:
-        return "not tested", test.reason or ""
-    if test.accepted:
-        return "yes", _p_text(test)
-    largest = number(residual.largest_correlation_after, 2)
-    return "not fully", f"{_p_text(test)}, largest correlation {largest}"
-
-
-def _gaussian_answer(residual: JointResidual) -> Answer:
-    test = residual.normality
-    if test.accepted is None:
-        return "not tested", test.reason or ""
-    skewness, kurtosis = residual.skewness, residual.excess_kurtosis
-    shape = f"skewness {number(skewness, 2)}, excess kurtosis {number(kurtosis, 2)}"
-    if test.accepted:
-        return "yes", f"{_p_text(test)}; {shape}"
-    near = abs(skewness) < 0.5 and abs(kurtosis) < 1.0
-    return ("nearly" if near else "no"), f"{_p_text(test)}; {shape}"
-
-
-def _p_text(test: HypothesisTest) -> str:
-    return f"p{_SPACE}{p_equals(test.p_value).replace(' ', _SPACE)}"
 
 
 def _state(residual: JointResidual) -> str:
@@ -143,27 +99,9 @@ RESIDUALS = Section(
 )
 
 
-def _statistic(test: HypothesisTest) -> str:
-    """Return the statistic of a test with its distribution under the null hypothesis."""
-    df = count(test.df or 0)
-    law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
-    return f"{law} = {number(test.statistic, 3)}"
-
-
-def _badge(accepted: bool | None, neutral: bool) -> tuple[str, str, str]:
-    """Return the badge of a test; neutral where neither outcome is bad news."""
-    if accepted is None:
-        return "open", "–", "not tested"
-    words = "accepted" if accepted else "rejected"
-    if neutral:
-        return "fair", "=" if accepted else "≠", words
-    return ("good", "✓", words) if accepted else ("bad", "✕", words)
-
-
 INSTRUMENTS = Section(
     "Tests",
     "instruments",
     "instruments.html.j2",
-    lambda report: {"badge_of": _badge, "statistic": _statistic},
-    "Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
+    about="Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
 )

@@ -16,8 +16,8 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import duration, lacking_row, verdict_of, wrong_numbers
-from idim_iv_ros.report.numerals import count, exact, is_number, number, percent, plural, with_unit
+from idim_iv_ros.report.gap_words import lacking_row, verdict_of, wrong_numbers
+from idim_iv_ros.report.numerals import is_number, percent
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
 
@@ -28,9 +28,6 @@ _AXIS, _AXIS_ALONE = 0.07, 0.2
 _SIZE = 330.0  # pixels of the robot's longer side
 _COLUMN, _LINE, _LETTER = 30.0, 18.0, 8.0  # pixels: to the labels, height and letter of one
 _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)
-
-# Name, value, note.
-Tile = tuple[str, str, str]
 
 
 def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
@@ -130,37 +127,8 @@ def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
         badge=verdict_badge(result.verdict.verdict),
         headline=identification_headline(result),
         steps=identification_steps(report),
-        tiles=_identification_tiles(result),
         badge_of=verdict_badge,
     )
-
-
-def _identification_tiles(result: IdentificationResult) -> Sequence[Tile]:
-    fit = result.fit
-    ls_error = f"IDIM-LS: {percent(fit.ls_relative_error_percent, 3)}"
-    if result.estimator == "idim-ls":
-        ls_error = "of the measured torque"
-    seconds = sum(bag.duration for bag in result.bags)
-    rates = " and ".join(exact(rate, "Hz") for rate in sorted({bag.rate for bag in result.bags}))
-    row_rate = exact(round(result.processing.row_rate, 2), "Hz")
-    essential = f"{fit.essential_parameters} of {fit.base_parameters}"
-    return [
-        ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
-        ("Parameters", essential, "sums that the torque shows, needed to explain it"),
-        _iterations(result),
-        ("Recorded", with_unit(seconds, "s"), f"{plural(len(result.bags), 'recording')}, {rates}"),
-        ("Used", count(fit.samples), f"samples of all joints, decimated to {row_rate}"),
-        ("Condition number", number(fit.condition_number), "of the observation matrix"),
-    ]
-
-
-def _iterations(result: IdentificationResult) -> Tile:
-    if result.estimator == "idim-ls":
-        return ("Estimator", "IDIM-LS", result.convergence_note)
-    state = "converged" if result.converged else "NOT converged"
-    if not result.converged:
-        state += ": " + result.convergence_note.removeprefix("not converged: ")
-    return ("Iterations", str(result.iterations), state)
 
 
 def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
@@ -177,19 +145,8 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
         ],
         wrong=wrong_numbers(result),
         differing=difference_rows(result),
-        tiles=_diagnosis_tiles(result),
         model="nominal model" if nominal else "refit",
     )
-
-
-def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
-    bags = plural(len(result.bags), "recording")
-    untestable = "effects that this recording cannot show"
-    return [
-        ("Recorded", with_unit(duration(result), "s"), bags),
-        ("Hints", str(len(result.hints)), "that are not sure enough for a cause"),
-        ("Not testable", str(len(result.not_testable)), untestable),
-    ]
 
 
 VERDICT = Section("Verdict", "verdict", "verdict.html.j2", _identification)
