@@ -51,7 +51,7 @@ STAGES = Section(
 )
 
 
-REGIMES = Section(
+REGIMES: Section[GapResult] = Section(
     "Regimes",
     "where",
     "regimes.html.j2",
