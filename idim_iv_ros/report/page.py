@@ -16,14 +16,12 @@ from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_words, numerals
-from idim_iv_ros.report.changes import CHANGES
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
 from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
-from idim_iv_ros.report.sections.drives import FRICTION, TRANSMISSIONS
-from idim_iv_ros.report.sections.parameters import PARAMETERS, PHYSICAL
+from idim_iv_ros.report.sections.drives import FRICTION, RESIDUAL_CURVES, TRANSMISSIONS
+from idim_iv_ros.report.sections.parameters import CHANGES, PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
-from idim_iv_ros.report.sections.residual_curves import RESIDUAL_CURVES
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES
 from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
 from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS

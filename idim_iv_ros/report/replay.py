@@ -1,7 +1,5 @@
 """The page of a replay: tracking error and torque of every stage beside the recording."""
 
-from typing import Any
-
 import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
@@ -35,37 +33,32 @@ _BUCKETS = 220
 
 def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
     """Return the report of a replay as one self-contained HTML document."""
-    return page_html(
-        result.robot,
-        "replay in MuJoCo",
-        f"References of {with_unit(result.duration, 's')} of recording, "
-        f"{plural(len(result.joints), 'joint')}",
-        [one_section("replay.html.j2", "replay", "Replay", **shown(result, files))],
-    )
-
-
-def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """Return the variables of the template ``replay.html.j2``."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
     plots = [
-        (series.joint, series.bag, replay_figure(result, series, index))
+        (series.joint, series.bag, _replay_figure(result, series, index))
         for index, series in enumerate(result.series)
     ]
-    return {
-        "result": result,
-        "badge": badge(result),
-        "headline": headline(result),
-        "steps": steps(result, files),
-        "shrinkage": shrinkage(result),
-        "columns": ["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
-        "tracking": error_rows(result, "tracking"),
-        "torque": error_rows(result, "torque"),
-        "legend": [
+    section = one_section(
+        "replay.html.j2",
+        "replay",
+        "Replay",
+        result=result,
+        badge=badge(result),
+        headline=headline(result),
+        steps=steps(result, files),
+        shrinkage=shrinkage(result),
+        columns=["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
+        tracking=error_rows(result, "tracking"),
+        torque=error_rows(result, "torque"),
+        legend=[
             Mark("line", INK, "robot"),
             *(Mark("line", _COLOURS[name], f"simulated, {name}") for name in drawn),
         ],
-        "plots": plots,
-    }
+        plots=plots,
+    )
+    seconds, joints = with_unit(result.duration, "s"), plural(len(result.joints), "joint")
+    of = f"References of {seconds} of recording, {joints}"
+    return page_html(result.robot, "replay in MuJoCo", of, [section])
 
 
 # Joint or tool, bars, noise, nominal error, error of the best stage, and their ratio.
@@ -184,7 +177,7 @@ def error_words(error: ReplayError, scale: float, unit: str) -> str:
     return f"{scale * error.rms:.3g} ± {half:.1g} {unit}{times}"
 
 
-def replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
+def _replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
     """Return a figure of one joint: tracking errors above, torques below, robot and simulations."""
     joint_type = result.joint_types[result.joints.index(series.joint)]
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
