@@ -193,8 +193,8 @@ def _assemble(
         what = "topics with different clocks: their delay is not known"
         notes.append(Note(joint_states, what, 1))
     if effort is None:
-        zeros = np.zeros((grid.samples, len(joints)))
-        torque = Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
+        shape = grid.samples, len(joints)
+        torque = Signal(np.zeros(shape), np.zeros(shape, dtype=bool), "no effort")
     else:
         torque = joined(grid, parts, effort, "effort")
     for column, joint in enumerate(() if effort is None else joints):
@@ -213,13 +213,13 @@ def _assemble(
         start=grid.start * 1e-9,
         position=joined(grid, parts, joint_states, "position"),
         effort=torque,
-        velocity=_if_complete(grid, parts, joint_states, "velocity"),
+        velocity=_velocity(grid, parts, joint_states),
         position_reference=(
             joined(grid, parts, reference, "position", stepwise=effort is None)
             if reference
             else None
         ),
-        velocity_reference=_if_complete(grid, parts, reference, "velocity") if reference else None,
+        velocity_reference=_velocity(grid, parts, reference) if reference else None,
         link_position=joined(grid, parts, links, "position") if links else None,
         clocks=tuple(dict.fromkeys(clocks)),
         notes=tuple(dict.fromkeys(notes)),
@@ -293,13 +293,11 @@ def _active_time(reference: StampedMessages, first: int, last: int) -> tuple[int
     return max(first, int(active[0])), min(last, int(active[-1]))
 
 
-def _if_complete(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Signal | None:
-    """Return a signal; None if some joint has no value of it."""
-    for part in parts:
-        values = part.stamped[source].messages.values[name]
-        if not np.isfinite(values).any(axis=0).all():
-            return None
-    return joined(grid, parts, source, name)
+def _velocity(grid: Grid, parts: Sequence[Part], source: str) -> Signal | None:
+    """Return the velocities of a source; None if some joint has none."""
+    values = (part.stamped[source].messages.values["velocity"] for part in parts)
+    complete = all(np.isfinite(velocity).any(axis=0).all() for velocity in values)
+    return joined(grid, parts, source, "velocity") if complete else None
 
 
 def _missing_topic(bag: Bag, topic: str, request: Request) -> str:

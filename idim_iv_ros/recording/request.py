@@ -117,7 +117,7 @@ def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) ->
     """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.unread().topic_types().items()
+    kinds = bag.topic_types().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
     key, first = next(iter(relative.items()))
     resolved = {name: request.node_topics.get(name, in_root(name)) for name in relative.values()}

@@ -15,7 +15,7 @@ from bags.simulated_arms import arm6
 from idim_iv_ros.cli.identify import print_parameters, print_verdict
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
-from idim_iv_ros.identification.assembly import refined_result
+from idim_iv_ros.identification.identify import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.report.page import report_html

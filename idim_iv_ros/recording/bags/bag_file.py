@@ -90,7 +90,7 @@ def opened(source: ByteSource) -> Iterator[IO[bytes]]:
     with tempfile.TemporaryFile(prefix="idim_iv_") as file:
         for first in range(0, source.size, READ_AHEAD):
             file.write(source.read(first, min(first + READ_AHEAD, source.size)))
-        file.flush()
+        file.seek(0)
         yield file
 
 
