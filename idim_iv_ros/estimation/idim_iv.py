@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure
+from idim_iv_ros.estimation.instruments import (
+    Instruments,
+    InstrumentSource,
+    SourceFailure,
+    Start,
+)
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
     refined_covariance,
@@ -26,19 +31,6 @@ from idim_iv_ros.types import FloatArray
 _LARGEST_DEVIATION = 0.3
 # Of their size, within which given values are taken as right where an estimate cannot be simulated.
 _SPREADS = (1.0, 0.3, 0.1, 0.03, 0.01)
-
-
-@dataclass(frozen=True)
-class Start:
-    """Base parameters (b,) of a possible first simulation.
-
-    `spread` (b,): size of each given value, infinite where none is given; None where the values
-    are not meant to be the robot's, so that its gains need not suit them.
-    """
-
-    name: str
-    values: FloatArray
-    spread: FloatArray | None
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from idim_iv_ros.estimation.idim_iv import (
     idim_iv,
     refined_idim_iv,
 )
+from idim_iv_ros.estimation.instruments import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.least_squares import (
     AutocorrelatedCovariance,
     LinearEstimate,
@@ -28,7 +29,6 @@ from idim_iv_ros.estimation.least_squares import (
 )
 from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
-from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.files import FilePaths
 from idim_iv_ros.identification.prepare import (
     PreparedRegression,
