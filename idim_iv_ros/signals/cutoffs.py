@@ -92,7 +92,15 @@ def choose_cutoffs(
         [record.rate for record in records], decimation, processing.decimation_edge
     )
     if common is None:
-        raise DataError(_no_common_rate(records, decimation, source))
+        names = {record.rate: record.name for record in reversed(records)}
+        rates = dict.fromkeys(record.rate for record in records)
+        listed = ", ".join(f"{names[other]} with {other:g} Hz" for other in rates)
+        raise DataError(
+            f"{listed}: no decimation that leaves {decimation:g} Hz "
+            f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them "
+            "one by one, record at rates of which one is a multiple of the other, or lower the "
+            "cut-off"
+        )
     factors, row_rate = common
     if min(factors) == 1:
         reasons.append(
@@ -110,19 +118,6 @@ def choose_cutoffs(
             "nothing is interpolated"
         )
     return Cutoffs(position, decimation, factors, row_rate, tuple(reasons))
-
-
-def _no_common_rate(records: Sequence[JointSignals], decimation: float, source: str) -> str:
-    rates = dict.fromkeys(record.rate for record in records)
-    listed = ", ".join(
-        f"{next(record.name for record in records if record.rate == rate)} with {rate:g} Hz"
-        for rate in rates
-    )
-    return (
-        f"{listed}: no decimation that leaves {decimation:g} Hz "
-        f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them one "
-        "by one, record at rates of which one is a multiple of the other, or lower the cut-off"
-    )
 
 
 def motion_bandwidth(position: FloatArray, rate: float) -> float:

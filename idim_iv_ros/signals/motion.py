@@ -164,22 +164,19 @@ def _why_still(
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
-    still = np.empty(raw.shape[1], dtype=bool)
-    for joint, (recorded, smooth) in enumerate(zip(raw.T, filtered.T, strict=True)):
+    still = []
+    for recorded, smooth in zip(raw.T, filtered.T, strict=True):  # one at a time, for the memory
         noise = _STILL_NOISE * float(np.std(recorded - smooth))
         steps = np.abs(np.diff(recorded))
         step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
-        still[joint] = np.ptp(smooth) < max(_STILL_RANGE, noise) or (
-            np.ptp(recorded) < _STILL_STEPS * step
-        )
-    return still
+        rests = np.ptp(smooth) < max(_STILL_RANGE, noise)
+        still.append(rests or np.ptp(recorded) < _STILL_STEPS * step)
+    return np.array(still)
 
 
 def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, factor: int) -> slice:
-    if processing.trim is not None:
-        cut = [round(seconds * record.rate) for seconds in processing.trim]
-    else:
-        cut = [round(_EDGE_PERIODS / cutoff * record.rate)] * 2
+    trim = processing.trim or [_EDGE_PERIODS / cutoff] * 2
+    cut = [round(seconds * record.rate) for seconds in trim]
     samples = len(record.position)
     if samples - sum(cut) < 10 * factor:
         raise DataError(
