@@ -160,28 +160,25 @@ def _findings(where: str, good: Sequence[str], limited: Sequence[str]) -> list[F
 
 
 def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
-    names = [motion.signals.name for motion in prepared.motions]
-    missing = [
-        name
-        for name, motion in zip(names, prepared.motions, strict=True)
-        if motion.signals.position_reference is None
-    ]
+    signals = [motion.signals for motion in prepared.motions]
+    missing = [of.name for of in signals if of.position_reference is None]
     if missing:
         sentence = (
             "no reference is read: the loop cannot be simulated, instruments will be smoothed "
             "measurements and cannot be tested"
         )
         return _findings(", ".join(missing), [], [sentence, *prepared.advice])
-    findings = list(map(_reference_source, prepared.recordings, names))
+    findings = list(map(_reference_source, prepared.recordings))
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
         findings.append(Finding("controller", "limited", sentence))
     return findings
 
 
-def _reference_source(recording: Recording, name: str) -> Finding:
+def _reference_source(recording: Recording) -> Finding:
     """Say where the reference comes from, and at which rate."""
     assert recording.position_reference is not None
+    name = recording.path.name
     source, _, field = recording.position_reference.origin.rpartition(" ")
     sentence = f"the reference is {field} of {topic_of(source)}"
     rates = [clock.rate for clock in recording.clocks if clock.topic == source]
@@ -274,10 +271,11 @@ def _noise(prepared: PreparedRegression, joint: int, *, order: int) -> float:
 
     The noise of the positions is taken as white, with the variance of what the filter removed.
     """
-    densities = []
-    for motion in prepared.motions:
-        removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
-        densities.append(float(np.var(removed)) / (motion.signals.rate / 2.0))
+    densities = [
+        np.var(motion.signals.position[motion.span, joint] - motion.position[motion.span, joint])
+        / (motion.signals.rate / 2.0)
+        for motion in prepared.motions
+    ]
     slowest = min(motion.signals.rate for motion in prepared.motions)
     cutoffs = prepared.cutoffs
     cutoff = min(cutoffs.position, slowest / 2.0) if order == 1 else cutoffs.decimation
@@ -308,11 +306,9 @@ def _visibility(
 def _parameter(
     base: BaseParameters, place: int, std: float | None, size: float
 ) -> ParameterVisibility:
-    relative, smallest, seen = None, None, "no"
-    if std is not None:
-        relative = 100.0 * std / max(size, 1e-300)
-        smallest = 2.0 * std
-        seen = "well" if relative <= _WELL_SEEN else "yes" if relative <= _SEEN else "poorly"
-    return ParameterVisibility(
-        base.names[place], base.expressions[place], base.units[place], smallest, relative, seen
-    )
+    words = base.names[place], base.expressions[place], base.units[place]
+    if std is None:
+        return ParameterVisibility(*words, None, None, "no")
+    relative = 100.0 * std / max(size, 1e-300)
+    seen = "well" if relative <= _WELL_SEEN else "yes" if relative <= _SEEN else "poorly"
+    return ParameterVisibility(*words, 2.0 * std, relative, seen)

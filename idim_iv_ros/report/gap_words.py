@@ -8,6 +8,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.causes import Cause, Hint, ParameterError
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.identification.result import IdentificationResult
@@ -45,6 +46,17 @@ def verdict_of(result: GapResult) -> tuple[str, str, str]:
     if result.verdict != "none" or not differs:
         return badge
     return ("fair", "≈", "recordings differ; those that agree have no cause")
+
+
+def contrast_badge(contrast: ContrastResult) -> tuple[str, str, str]:
+    """Return CSS class, sign and words of the comparison's answer."""
+    if contrast.differs is None:
+        return "open", "?", "not all joints could be compared"
+    if not contrast.differs:
+        return "good", "✓", "no difference"
+    if contrast.causes:
+        return "fair", "≠", "the sets differ"
+    return "open", "?", "the sets differ, and nothing in the catalogue explains it"
 
 
 def effect_words(effect: str) -> str:

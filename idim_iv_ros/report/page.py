@@ -18,14 +18,13 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_words, numerals
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
-from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
 from idim_iv_ros.report.sections.drives import FRICTION, RESIDUAL_CURVES, TRANSMISSIONS
 from idim_iv_ros.report.sections.parameters import CHANGES, PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES
 from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
 from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
-from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
+from idim_iv_ros.report.sections.verdict import CAUSES, CONTRAST, GAP_VERDICT, VERDICT
 
 IDENTIFICATION: tuple[Section[Any], ...] = (
     VERDICT,

@@ -269,35 +269,20 @@ def _root(values: FloatArray) -> FloatArray:
 
 def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
     """Return an axis stretched near zero, where friction changes fastest."""
-    largest = float(np.percentile(np.abs(speed), 99.5)) if len(speed) else 1.0
-    ticks = _round_speeds(largest)
+    largest = float(np.percentile(np.abs(speed), 99.5))
+    # Round speeds at about a third, two thirds and the end of the stretched axis.
+    ticks = [float(f"{share * largest:.1g}") for share in (0.1, 0.4, 0.9) if largest > 0.0]
     values = [-tick for tick in reversed(ticks)] + [0.0, *ticks]
     return axis(
         f"Speed, {unit} (stretched near 0)",
-        tickvals=[float(root) for root in _root(np.array(values))],
+        tickvals=_root(np.array(values)).tolist(),
         ticktext=[round_number(value) for value in values],
         tickangle=0,
     )
 
 
-def _round_speeds(largest: float) -> list[float]:
-    """Return round speeds up to the largest, far enough apart on the stretched axis."""
-    if largest <= 0.0:
-        return []
-    chosen: list[float] = []
-    exponent = int(np.floor(np.log10(largest)))
-    for power in range(exponent, exponent - 4, -1):
-        for factor in (5.0, 2.0, 1.0):
-            value = factor * 10.0**power
-            last = np.sqrt(chosen[0]) if chosen else np.sqrt(largest) * 1.3
-            room = 0.3 * np.sqrt(largest)
-            if value <= largest and last - np.sqrt(value) >= room and np.sqrt(value) >= room:
-                chosen.insert(0, value)
-    return chosen
-
-
 def _distance_axis(since: FloatArray, unit: str) -> dict[str, Any]:
-    low, high = (-3.0, 0.0) if len(since) == 0 else np.percentile(since, [1.0, 100.0])
+    low, high = np.percentile(since, [1.0, 100.0])
     ticks = list(range(int(np.ceil(low)), int(np.floor(high)) + 1))
     return axis(
         f"Distance since reversal, {unit}",

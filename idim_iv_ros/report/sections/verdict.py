@@ -1,4 +1,4 @@
-"""The first screen of a report: findings, next steps, drawing of the robot, key numbers."""
+"""The answer of a report: findings, next steps, drawing of the robot, causes, what changed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,9 +6,14 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.skeleton import Skeleton
 from idim_iv_ros.report.advice import (
+    FAMILIES,
+    contrast_headline,
+    contrast_steps,
     diagnosis_headline,
     diagnosis_steps,
     difference_rows,
@@ -16,7 +21,13 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import lacking_row, verdict_of, wrong_numbers
+from idim_iv_ros.report.gap_words import (
+    contrast_badge,
+    hint_words,
+    lacking_row,
+    verdict_of,
+    wrong_numbers,
+)
 from idim_iv_ros.report.numerals import is_number, percent
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
@@ -151,3 +162,29 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
 
 VERDICT = Section("Verdict", "verdict", "verdict.html.j2", _identification)
 GAP_VERDICT = Section("Verdict", "verdict", "gap_verdict.html.j2", _diagnosis)
+
+
+def _causes(report: Report[GapResult]) -> dict[str, Any]:
+    rest, hints = report.result.unexplained, report.result.hints
+    likeliest = None if rest is None else rest.likeliest(hints)
+    return {
+        "separating_motion": separating_motion,
+        "surest": surest,
+        "family": "" if rest is None else FAMILIES[rest.family],
+        "likeliest": likeliest and hint_words(likeliest),
+    }
+
+
+def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
+    contrast = report.result.contrast
+    if contrast is None:
+        return None
+    return {
+        "badge": contrast_badge(contrast),
+        "headline": contrast_headline(report.result, contrast),
+        "steps": contrast_steps(contrast, report.files),
+    }
+
+
+CAUSES = Section("Causes", "causes", "causes.html.j2", _causes)
+CONTRAST = Section("What changed", "contrast", "contrast.html.j2", _contrast)
