@@ -47,15 +47,6 @@ class Figure:
         return Markup(json_text(content, indent=None).replace("<", "\\u003c"))
 
 
-@dataclass(frozen=True)
-class Mark:
-    """An entry of a legend; `kind` is a class of the stylesheet: line, band or sign."""
-
-    kind: str
-    colour: str
-    words: str
-
-
 def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]:
     """Return values (n,) packed as 16-bit integers with scale, which the page's script unpacks.
 

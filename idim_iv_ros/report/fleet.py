@@ -17,7 +17,7 @@ from idim_iv_ros.fleet.result import (
 )
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Figure, Mark, axis, band, layout
+from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band, layout
 from idim_iv_ros.report.numerals import INTERVAL, THIN, number, p_equals, plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -209,12 +209,6 @@ def _types(result: FleetResult) -> dict[str, Any]:
             )
             for place, kind in enumerate(result.types)
         ],
-        "legend": [
-            Mark("sign diamond", BLUE, "a robot"),
-            Mark("sign diamond", ORANGE, "a robot that differs"),
-            Mark("band", SHADE, "95 % prediction interval of the next robot"),
-            Mark("line", GREY, "95 % interval of the mean"),
-        ],
     }
 
 
@@ -231,11 +225,6 @@ def _changes(result: FleetResult) -> dict[str, Any]:
             for place, (robot, change) in enumerate(changes[:_MOST_CHANGES])
         ],
         "not_drawn": max(len(changes) - _MOST_CHANGES, 0),
-        "legend": [
-            Mark("sign diamond", BLUE, "a bag, ± 95 % with what bags differ by"),
-            Mark("line", ORANGE, "what was found"),
-            Mark("band", SHADE, "95 % interval of the date at which it began"),
-        ],
     }
 
 

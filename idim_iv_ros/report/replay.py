@@ -4,7 +4,7 @@ import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, TimeCurve, over_time
+from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, TimeCurve, over_time
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -50,10 +50,7 @@ def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
         columns=["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
         tracking=error_rows(result, "tracking"),
         torque=error_rows(result, "torque"),
-        legend=[
-            Mark("line", INK, "robot"),
-            *(Mark("line", _COLOURS[name], f"simulated, {name}") for name in drawn),
-        ],
+        legend=[("line", _COLOURS[name], f"simulated, {name}") for name in drawn],
         plots=plots,
     )
     seconds, joints = with_unit(result.duration, "s"), plural(len(result.joints), "joint")

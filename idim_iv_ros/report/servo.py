@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, TimeCurve, over_time
+from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, TimeCurve, over_time
 from idim_iv_ros.report.numerals import plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -34,11 +34,6 @@ def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
         joints=[(j.joint, number_rows((*j.numbers, *j.ratios))) for j in result.joints],
         errors=error_rows(result),
         gains=gain_rows(result),
-        legend=[
-            Mark("line", GREY, "asked for"),
-            Mark("line", INK, "measured"),
-            Mark("line", BLUE, "simulated servo"),
-        ],
         plots=plots,
     )
     sizes = f"{plural(len(result.recordings), 'recording')}, {plural(len(result.joints), 'joint')}"

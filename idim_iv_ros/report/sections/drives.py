@@ -16,7 +16,6 @@ from idim_iv_ros.report.figures import (
     GREY,
     INK,
     Figure,
-    Mark,
     axis,
     dots,
     layout,
@@ -38,10 +37,6 @@ from idim_iv_ros.statistics.curves import SmoothCurve, smooth
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 280
-_DIRECTIONS = (
-    Mark("line", FORWARD, "forwards (speed > 0)"),
-    Mark("line", BACKWARD, "backwards"),
-)
 
 
 def _twists(report: Report[GapResult]) -> dict[str, Any] | None:
@@ -54,7 +49,6 @@ def _twists(report: Report[GapResult]) -> dict[str, Any] | None:
         for index, series in enumerate(result.twists)
     ]
     return {
-        "legend": [*_DIRECTIONS, Mark("line", INK, "load over stiffness, with play")],
         "plots": plots,
     }
 
@@ -101,16 +95,13 @@ def _friction(report: Report[GapResult]) -> dict[str, Any] | None:
     drawn = drawable(report.result)
     if not drawn:
         return None
-    legend = [Mark("sign diamond", GREY, "measured, less the torque of everything but friction")]
-    if drawn[0].given_friction is not None:
-        legend.append(Mark("line", INK, "nominal model"))
-    legend.append(Mark("line", BLUE, "extended model"))
     first = worth_seeing(report.result)
     plots = [
         (series.joint, _friction_figure(report.result, series, number), series.joint in first)
         for number, series in enumerate(drawn)
     ]
-    return {"legend": legend, "plots": sorted(plots, key=lambda plot: not plot[-1])}
+    plots.sort(key=lambda plot: not plot[-1])
+    return {"nominal": drawn[0].given_friction is not None, "plots": plots}
 
 
 def _friction_figure(result: GapResult, series: GapSeries, number: int) -> Figure:
@@ -181,7 +172,6 @@ def _residuals(report: Report[GapResult]) -> dict[str, Any] | None:
         return None
     opened = worth_seeing(result)
     return {
-        "legend": _DIRECTIONS,
         "plots": [
             (
                 series.joint,

@@ -11,41 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from idim_iv_ros.diagnosis.result.document import GapResult
-from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import words_of_name
-from idim_iv_ros.report.advice import verdict_badge
 from idim_iv_ros.report.numerals import INTERVAL, is_number
 from idim_iv_ros.report.section import Nominal, Report, Result, Section
-
-_IMPRECISE_PERCENT = 30.0
-_LONG_TABLE = 20
-
-
-def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
-    result = report.result
-    refined = {} if result.refined is None else {p.name: p for p in result.refined.parameters}
-    ordered = sorted(result.parameters, key=lambda parameter: not parameter.essential)
-    minor = sum(not parameter.essential for parameter in ordered)
-    return {
-        "misspecified": [
-            residual.joint
-            for residual in result.residuals
-            if verdict_badge(residual.verdict)[0] == "bad"
-        ],
-        "impossible": [
-            p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)
-        ],
-        "poor": _IMPRECISE_PERCENT,
-        "with_essential": any(is_number(p.essential_value) for p in result.parameters),
-        "with_given": any(is_number(p.given_value) for p in result.parameters),
-        "essential": len(ordered) - minor,
-        "minor": minor,
-        "folded": minor > 0 and len(ordered) > _LONG_TABLE,
-        "ordered": ordered,
-        "refined": refined,
-        "ordinary": result.estimator == "idim-ls",
-        "typeset": _typeset,
-    }
 
 
 def _typeset(expression: str) -> str:
@@ -55,7 +24,9 @@ def _typeset(expression: str) -> str:
     return re.sub(r"(?<=[0-9.]) (?=[A-Za-z])", "\N{NO-BREAK SPACE}", text)
 
 
-PARAMETERS = Section("Parameters", "parameters", "parameters.html.j2", _context)
+PARAMETERS: Section[IdentificationResult] = Section(
+    "Parameters", "parameters", "parameters.html.j2", lambda report: {"typeset": _typeset}
+)
 
 
 _LARGE = 0.1  # σ from which the change of a base parameter is listed

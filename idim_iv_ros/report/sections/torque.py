@@ -13,7 +13,6 @@ from idim_iv_ros.report.figures import (
     ORANGE,
     SHADE,
     Figure,
-    Mark,
     TimeCurve,
     outline,
     over_time,
@@ -67,11 +66,7 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     return {
         "diagnosis": isinstance(result, GapResult),
         "session": report.session.words,
-        "legend": [
-            Mark("line", INK, "measured"),
-            *(Mark("line", colour, name) for name, colour in models.items()),
-            Mark("band", SHADE, "samples that do not count"),
-        ],
+        "models": [("line", colour, name) for name, colour in models.items()],
         "plots": plots,
         "columns": "one" if sum(plot[-1] for plot in plots) == 1 else "two",
     }
@@ -168,11 +163,8 @@ def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
     ]
     return {
         "missing": any(series.before is None or series.after is None for series in firsts.values()),
-        "legend": [
-            Mark("line", INK, "robot"),
-            Mark("line", GREY, f"simulated, before{_stage_name(result, 0)}"),
-            Mark("line", BLUE, f"simulated, after{_stage_name(result, -1)}"),
-        ],
+        "before": _stage_name(result, 0),
+        "after": _stage_name(result, -1),
         "plots": plots,
     }
 

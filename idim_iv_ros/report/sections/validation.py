@@ -9,9 +9,7 @@ from idim_iv_ros.report.figures import (
     BLUE,
     INK,
     ORANGE,
-    SHADE,
     Figure,
-    Mark,
     axis,
     band,
     layout,
@@ -26,11 +24,6 @@ _HEIGHT = 230
 def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
     row_rate = report.result.processing.row_rate
     return {
-        "legend": [
-            Mark("line", ORANGE, "residual as it is"),
-            Mark("line", BLUE, "whitened by the autoregressive filter"),
-            Mark("band", SHADE, "95 % of a white residual's correlations"),
-        ],
         "plots": [
             (residual.joint, _state(residual), _acf(residual, row_rate, index))
             for index, residual in enumerate(report.result.residuals)
