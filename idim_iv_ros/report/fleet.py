@@ -1,7 +1,8 @@
 """The page of a fleet: what needs attention, what the robots of a type share, what changed."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from idim_iv_ros.fleet.result import (
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band, layout
-from idim_iv_ros.report.numerals import INTERVAL, THIN, number, p_equals, plural
+from idim_iv_ros.report.numerals import INTERVAL, THIN, number, plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
 
@@ -40,7 +41,6 @@ _NOTHING = {
     "changed.",
 }
 _MOST_BAGS = 3  # of a robot in a command
-_MOST_CHANGES = 60  # drawn; the others are in the table
 _MOST_NAMES = 6  # of robots in a sentence
 _ROW = 26  # pixels of one quantity
 _FARTHEST = 12.0  # deviations; what is farther is drawn there
@@ -55,6 +55,8 @@ def fleet_html(
     `reports` has the address of each robot's own report, relative to the page, by the name of the
     robot; the recordings of `files` are the source of the fleet.
     """
+    changes = [(robot.robot, change) for robot in result.robots for change in robot.changes]
+    shown_changes = {"changes": changes, "figure": _change_figure, "judged": _testable(result)[1]}
     bags, share = plural(len(result.bags), "bag"), _share(result)
     return page_html(
         "Fleet",
@@ -66,8 +68,12 @@ def fleet_html(
             )
             for anchor, title, shown in (
                 ("attention", "What needs attention", _attention(result, reports or {}, files)),
-                ("types", "Parameters of each type", _types(result)),
-                ("changes", "Changes over time", _changes(result)),
+                (
+                    "types",
+                    "Parameters of each type",
+                    {"figure": partial(_distribution_figure, result)},
+                ),
+                ("changes", "Changes over time", shown_changes),
                 ("diagnoses", "What to diagnose", {}),
                 ("bags", "Bags that were not used", {}),
                 ("limits", "What the numbers mean", {}),
@@ -199,42 +205,12 @@ def _names_of(robot: FleetRobot) -> tuple[str, ...]:
     return (robot.robot, *(name for name in names if not name.startswith("residual")))
 
 
-def _types(result: FleetResult) -> dict[str, Any]:
-    return {
-        "figures": [
-            _distribution_figure(
-                kind,
-                [robot for robot in result.robots if robot.type == kind.type and robot.quantities],
-                place,
-            )
-            for place, kind in enumerate(result.types)
-        ],
-    }
-
-
-def _changes(result: FleetResult) -> dict[str, Any]:
-    changes = [(robot, change) for robot in result.robots for change in robot.changes]
-    return {
-        "judged": any(math.isfinite(robot.change_p_value) for robot in result.robots),
-        "plots": [
-            (
-                robot.robot,
-                f"{change.name}, {change.unit}; p {p_equals(change.p_value)}",
-                _change_figure(change, f"change-{place}"),
-            )
-            for place, (robot, change) in enumerate(changes[:_MOST_CHANGES])
-        ],
-        "not_drawn": max(len(changes) - _MOST_CHANGES, 0),
-    }
-
-
-def _distribution_figure(
-    kind: FleetType, robots: Sequence[FleetRobot], place: int
-) -> Figure | None:
+def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
     """Return robots as dots, a row a quantity, in deviations from the mean of the type.
 
     None where no quantity has a mean and a scatter.
     """
+    robots = [robot for robot in result.robots if robot.type == kind.type and robot.quantities]
     rows = []
     for column, quantity in enumerate(kind.quantities):
         estimates = [robot.quantities[column] for robot in robots]
@@ -282,7 +258,7 @@ def _distribution_figure(
     words = f"Robots of type {kind.type} beside each other, one row for each quantity"
     margin = {"l": 90, "r": 12, "t": 8, "b": 44}
     return Figure(
-        f"distribution-{place}",
+        f"distribution-{result.types.index(kind)}",
         70 + _ROW * len(names),
         words,
         data,

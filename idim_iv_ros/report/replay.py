@@ -1,5 +1,7 @@
 """The page of a replay: tracking error and torque of every stage beside the recording."""
 
+from functools import partial
+
 import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
@@ -34,10 +36,6 @@ _BUCKETS = 220
 def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
     """Return the report of a replay as one self-contained HTML document."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
-    plots = [
-        (series.joint, series.bag, _replay_figure(result, series, index))
-        for index, series in enumerate(result.series)
-    ]
     section = one_section(
         "replay.html.j2",
         "replay",
@@ -51,7 +49,7 @@ def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
         tracking=error_rows(result, "tracking"),
         torque=error_rows(result, "torque"),
         legend=[("line", _COLOURS[name], f"simulated, {name}") for name in drawn],
-        plots=plots,
+        figure=partial(_replay_figure, result),
     )
     seconds, joints = with_unit(result.duration, "s"), plural(len(result.joints), "joint")
     of = f"References of {seconds} of recording, {joints}"

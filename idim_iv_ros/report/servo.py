@@ -16,10 +16,6 @@ _HEIGHT = 260
 
 def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
     """Return the report of servos as one self-contained HTML document."""
-    plots = [
-        (series.joint, series.recording, _servo_figure(series, index))
-        for index, series in enumerate(result.series)
-    ]
     section = one_section(
         "servo.html.j2",
         "servos",
@@ -34,7 +30,7 @@ def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
         joints=[(j.joint, number_rows((*j.numbers, *j.ratios))) for j in result.joints],
         errors=error_rows(result),
         gains=gain_rows(result),
-        plots=plots,
+        figure=_servo_figure,
     )
     sizes = f"{plural(len(result.recordings), 'recording')}, {plural(len(result.joints), 'joint')}"
     return page_html(result.robot, "servos, without torques", sizes, [section])

@@ -1,12 +1,14 @@
 """Sections on what a joint does over its motion: friction, twist of the gear, and the residual."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
-from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
+from idim_iv_ros.diagnosis.result.recordings import TransmissionSeries
 from idim_iv_ros.report.figures import (
     BACKWARD,
     BACKWARD_BAND,
@@ -25,11 +27,9 @@ from idim_iv_ros.report.figures import (
 from idim_iv_ros.report.gap_words import (
     drawable,
     extended_beyond_refit,
-    held_out_words,
     small_unit,
     torque_unit,
     unit_in,
-    worth_seeing,
 )
 from idim_iv_ros.report.numerals import round_number
 from idim_iv_ros.report.section import Report, Section
@@ -39,24 +39,27 @@ from idim_iv_ros.types import FloatArray
 _HEIGHT = 280
 
 
+def _of_series(
+    figure: Callable[[GapResult, GapSeries], Figure],
+) -> Callable[[Report[GapResult]], dict[str, Any] | None]:
+    """Return the context of a section with a figure of each series; none without series."""
+
+    def context(report: Report[GapResult]) -> dict[str, Any] | None:
+        return {"figure": partial(figure, report.result)} if drawable(report.result) else None
+
+    return context
+
+
 def _twists(report: Report[GapResult]) -> dict[str, Any] | None:
-    result = report.result
-    if not result.transmissions:
-        return None
-    by_joint = {transmission.joint: transmission for transmission in result.transmissions}
-    plots = [
-        (series.joint, "", _twist_figure(result, series, by_joint[series.joint], index))
-        for index, series in enumerate(result.twists)
-    ]
-    return {
-        "plots": plots,
-    }
+    return (
+        {"figure": partial(_twist_figure, report.result)} if report.result.transmissions else None
+    )
 
 
-def _twist_figure(
-    result: GapResult, series: TransmissionSeries, transmission: Transmission, index: int = 0
-) -> Figure:
+def _twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
     """Return a figure of the gear's twist over the load, by direction, with the fitted law."""
+    transmission = next(gear for gear in result.transmissions if gear.joint == series.joint)
+    index = result.joints.index(series.joint)
     torque, small = torque_unit(result, series.joint), small_unit(result, series.joint)
     hover = f"%{{y:.3g}} {small} at %{{x:.3g}} {torque}"
     data: list[dict[str, Any]] = []
@@ -91,20 +94,7 @@ _LEAST_ROWS = 20  # of a direction, for a curve
 _BINS = 40  # of a direction, with equally many rows
 
 
-def _friction(report: Report[GapResult]) -> dict[str, Any] | None:
-    drawn = drawable(report.result)
-    if not drawn:
-        return None
-    first = worth_seeing(report.result)
-    plots = [
-        (series.joint, _friction_figure(report.result, series, number), series.joint in first)
-        for number, series in enumerate(drawn)
-    ]
-    plots.sort(key=lambda plot: not plot[-1])
-    return {"nominal": drawn[0].given_friction is not None, "plots": plots}
-
-
-def _friction_figure(result: GapResult, series: GapSeries, number: int) -> Figure:
+def _friction_figure(result: GapResult, series: GapSeries) -> Figure:
     unit, speed = torque_unit(result, series.joint), unit_in(result, "rad/s", series.joint)
     shown = series.torque - series.extended + series.friction
     data, seen = [dots(series.speed, shown, GREY, 4.0)], shown
@@ -119,7 +109,9 @@ def _friction_figure(result: GapResult, series: GapSeries, number: int) -> Figur
         ),
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
-    return Figure(f"friction-{number}", _FRICTION_HEIGHT, words, data, layout(axes))
+    return Figure(
+        f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, layout(axes)
+    )
 
 
 def _range(values: FloatArray) -> list[float]:
@@ -144,7 +136,7 @@ def _curves(
     return traces
 
 
-FRICTION = Section("Friction", "friction", "friction.html.j2", _friction)
+FRICTION = Section("Friction", "friction", "friction.html.j2", _of_series(_friction_figure))
 
 
 _BANDS = {FORWARD: FORWARD_BAND, BACKWARD: BACKWARD_BAND}
@@ -165,25 +157,6 @@ class Row:
     scale: str
 
 
-def _residuals(report: Report[GapResult]) -> dict[str, Any] | None:
-    result = report.result
-    drawn = drawable(result)
-    if not drawn:
-        return None
-    opened = worth_seeing(result)
-    return {
-        "plots": [
-            (
-                series.joint,
-                held_out_words(result, series.joint),
-                _residual_figure(result, series, index),
-                series.joint in opened,
-            )
-            for index, series in enumerate(drawn)
-        ],
-    }
-
-
 def _rows(result: GapResult, series: GapSeries) -> list[Row]:
     rows = []
     # A refit hides what only the parameters of the nominal model have wrong.
@@ -196,7 +169,7 @@ def _rows(result: GapResult, series: GapSeries) -> list[Row]:
     return rows
 
 
-def _residual_figure(result: GapResult, series: GapSeries, index: int) -> Figure:
+def _residual_figure(result: GapResult, series: GapSeries) -> Figure:
     rows = _rows(result, series)
     unit = torque_unit(result, series.joint)
     panels = _panels(series, unit, unit_in(result, "rad", series.joint))
@@ -232,7 +205,8 @@ def _residual_figure(result: GapResult, series: GapSeries, index: int) -> Figure
         f"Residual of {series.joint} over speed, position, load and distance since reversal: "
         + ", ".join(row.title for row in rows)
     )
-    return Figure(f"residual-{index}", _ROW_HEIGHT * len(rows) + 44, words, data, layout(axes))
+    anchor = f"residual-{result.joints.index(series.joint)}"
+    return Figure(anchor, _ROW_HEIGHT * len(rows) + 44, words, data, layout(axes))
 
 
 def _suffix(place: int) -> str:
@@ -328,6 +302,6 @@ RESIDUAL_CURVES = Section(
     "Residual",
     "residuals",
     "residual_curves.html.j2",
-    _residuals,
+    _of_series(_residual_figure),
     "what is left over speed, position, load and distance since a reversal",
 )

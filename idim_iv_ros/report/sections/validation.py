@@ -1,5 +1,6 @@
 """Sections on validation: is the residual noise, and are the instruments valid?"""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,32 +16,15 @@ from idim_iv_ros.report.figures import (
     layout,
     line,
 )
-from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.report.section import Section
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
 
 
-def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
-    row_rate = report.result.processing.row_rate
-    return {
-        "plots": [
-            (residual.joint, _state(residual), _acf(residual, row_rate, index))
-            for index, residual in enumerate(report.result.residuals)
-        ],
-    }
-
-
-def _state(residual: JointResidual) -> str:
-    if residual.white is None:
-        return "autocorrelation not tested"
-    return (
-        "may be treated as white" if residual.white else f"autocorrelated, AR({residual.ar_order})"
-    )
-
-
-def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
+def _acf(result: IdentificationResult, residual: JointResidual) -> Figure:
     """Return a figure of the autocorrelation before and after whitening, with its bounds."""
+    rate = result.processing.row_rate
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:
         data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))
@@ -57,7 +41,13 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
         ),
     }
     words = f"Autocorrelation of the residual of {residual.joint}"
-    return Figure(f"acf-{index}", _HEIGHT, words, data, layout(axes, shapes=[white]))
+    return Figure(
+        f"acf-{result.joints.index(residual.joint)}",
+        _HEIGHT,
+        words,
+        data,
+        layout(axes, shapes=[white]),
+    )
 
 
 def _stems(
@@ -83,11 +73,11 @@ def _stems(
     )
 
 
-RESIDUALS = Section(
+RESIDUALS: Section[IdentificationResult] = Section(
     "Residuals",
     "residuals",
     "residuals.html.j2",
-    _context,
+    lambda report: {"figure": partial(_acf, report.result)},
     "whether what is left is noise: autocorrelation, normality, refined deviations",
 )
 
