@@ -40,6 +40,14 @@ _NOTHING = {
     (False, False): f"{_FEW_ROBOTS}, and too few bags at different times to say whether one "
     "changed.",
 }
+_SECTIONS = {
+    "attention": "What needs attention",
+    "types": "Parameters of each type",
+    "changes": "Changes over time",
+    "diagnoses": "What to diagnose",
+    "bags": "Bags that were not used",
+    "limits": "What the numbers mean",
+}
 _MOST_BAGS = 3  # of a robot in a command
 _MOST_NAMES = 6  # of robots in a sentence
 _ROW = 26  # pixels of one quantity
@@ -55,29 +63,27 @@ def fleet_html(
     `reports` has the address of each robot's own report, relative to the page, by the name of the
     robot; the recordings of `files` are the source of the fleet.
     """
-    changes = [(robot.robot, change) for robot in result.robots for change in robot.changes]
-    shown_changes = {"changes": changes, "figure": _change_figure, "judged": _testable(result)[1]}
-    bags, share = plural(len(result.bags), "bag"), _share(result)
+    shown = {
+        "result": result,
+        "share": _share(result),
+        "badge": _badge(result),
+        "badges": _BADGES,
+        "headlines": _headlines(result),
+        "steps": steps(result, reports or {}, files),
+        "reports": reports or {},
+        "names_of": _names_of,
+        "type_figure": partial(_distribution_figure, result),
+        "changes": [(robot.robot, change) for robot in result.robots for change in robot.changes],
+        "change_figure": _change_figure,
+        "changes_judged": _testable(result)[1],
+    }
     return page_html(
         "Fleet",
-        f"{plural(len(result.robots), 'robot')}, {bags}",
+        f"{plural(len(result.robots), 'robot')}, {plural(len(result.bags), 'bag')}",
         _subtitle(result),
         [
-            one_section(
-                f"fleet_{anchor}.html.j2", anchor, title, result=result, share=share, **shown
-            )
-            for anchor, title, shown in (
-                ("attention", "What needs attention", _attention(result, reports or {}, files)),
-                (
-                    "types",
-                    "Parameters of each type",
-                    {"figure": partial(_distribution_figure, result)},
-                ),
-                ("changes", "Changes over time", shown_changes),
-                ("diagnoses", "What to diagnose", {}),
-                ("bags", "Bags that were not used", {}),
-                ("limits", "What the numbers mean", {}),
-            )
+            one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
+            for anchor, title in _SECTIONS.items()
         ],
     )
 
@@ -90,17 +96,6 @@ def _subtitle(result: FleetResult) -> str:
         f"{number(seconds / 3600.0)}{THIN}h" if seconds >= 3600.0 else f"{number(seconds)}{THIN}s"
     )
     return f"{plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
-
-
-def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) -> dict[str, Any]:
-    return {
-        "badge": _badge(result),
-        "headlines": _headlines(result),
-        "steps": steps(result, reports, files),
-        "reports": reports,
-        "badges": _BADGES,
-        "names_of": _names_of,
-    }
 
 
 def _badge(result: FleetResult) -> tuple[str, str, str]:
