@@ -201,30 +201,19 @@ class _Iteration:
         return white_covariance(self.rows, linear.sigma, len(linear.values))
 
 
-@dataclass(frozen=True)
-class RefinedIdimIv:
-    """Refined estimate with its covariance.
-
-    `values` (b,); `covariance` (b, b); `models`: Ĉ(z⁻¹), fitted on the unfiltered IV residual.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    models: tuple[AutoregressiveModel, ...]
-
-
 def refined_idim_iv(
     rows: Sequence[JointRows], models: Sequence[AutoregressiveModel], parameters: int
-) -> RefinedIdimIv:
+) -> tuple[FloatArray, FloatArray]:
     """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, with the filter and σ of every joint.
 
     With the observation matrices as instruments it is the refined IDIM-LS. The filtered rows of
-    a joint are reduced and forgotten.
+    a joint are reduced and forgotten. `models`: Ĉ(z⁻¹), fitted on the unfiltered IV residual.
+
+    Returns the estimate (b,) and its covariance (b, b).
     """
     filtered = [joint.whitened(model).reduced for joint, model in zip(rows, models, strict=True)]
     sigma = np.sqrt([max(model.innovation_variance, 1e-300) for model in models])
     for _ in range(2):
         linear = solve_instrumental_variables(filtered, parameters, sigma)
         sigma = linear.sigma
-    covariance = refined_covariance(filtered, sigma, parameters)
-    return RefinedIdimIv(linear.values, covariance, tuple(models))
+    return linear.values, refined_covariance(filtered, sigma, parameters)

@@ -86,7 +86,7 @@ def whitened_r_factor(identification: Identified) -> FloatArray:
     The whitened residual has unit variance, so that stacked rows of different joints and bags have
     the right weight. The diagonal is not negative, so that equal rows have equal factors.
     """
-    rows, models = identification.rows, identification.refined.models
+    rows, models = identification.rows, identification.validation.models
     width = len(identification.prepared.model.base.columns) + 1
     factors = [
         joint.standardized_r_factor(model) for joint, model in zip(rows, models, strict=True)

@@ -13,7 +13,6 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.idim_iv import (
     IdimIvEstimate,
-    RefinedIdimIv,
     idim_iv,
     refined_idim_iv,
 )
@@ -76,7 +75,7 @@ class Identified:
     """All estimates and tests of an identification, with the rows that they are made of.
 
     `linear`: the one that is reported; `weighted`: joint-weighted IDIM-LS; `iteration`, `sources`:
-    None for IDIM-LS.
+    None for IDIM-LS; `refined`: estimate (b,) and covariance (b, b).
     """
 
     prepared: PreparedRegression
@@ -87,7 +86,7 @@ class Identified:
     iteration: IdimIvEstimate | None
     sources: InstrumentSources | None
     validation: Validation
-    refined: RefinedIdimIv
+    refined: tuple[FloatArray, FloatArray]
 
 
 def identify(
@@ -136,10 +135,8 @@ def identify_recordings(
     with one_thread(), Stopwatch(progress) as watch:
         everything = identified(given, configuration, estimator, watch)
         watch.stage("physical parameters", 0.97)
-        refined, rows = everything.refined, everything.rows
-        physical = consistent_parameters(
-            everything.prepared, refined.values, refined.covariance, rows, everything.linear.sigma
-        )
+        rows, sigma = everything.rows, everything.linear.sigma
+        physical = consistent_parameters(everything.prepared, *everything.refined, rows, sigma)
         result = assemble_result(everything, physical)
     return replace(result, timing=watch.timing)
 
@@ -230,15 +227,13 @@ def assemble_result(
 ) -> IdentificationResult:
     """Gather all that a user is shown of an identification in its result."""
     prepared, validation = identified.prepared, identified.validation
-    rows, linear, refined = identified.rows, identified.linear, identified.refined
+    rows, linear = identified.rows, identified.linear
     estimate, sources = identified.iteration, identified.sources
     configuration, base = prepared.configuration, prepared.model.base
     count = len(base.columns)
     total = sum(len(joint) for joint in rows)
     alpha = configuration.identification.significance
-    essential, p_value = essential_parameters(
-        refined.values, refined.covariance, total, alpha=alpha
-    )
+    essential, p_value = essential_parameters(*identified.refined, total, alpha=alpha)
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(identified, covariance, essential)
     verdicts = tuple(
@@ -259,6 +254,7 @@ def assemble_result(
         overall = replace(overall, sentence=sentence)
     note = "" if estimate is None else estimate.instruments.note
     outcomes = [test.accepted for test in validation.tests]
+    orders = tuple(model.order for model in validation.models)
     autocorrelated = any(residual.white is False for residual in validation.residuals)
     series = _series(prepared, rows, linear)
     return IdentificationResult(
@@ -324,7 +320,7 @@ def assemble_result(
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
-        refined=refined_result(refined, parameters) if autocorrelated else None,
+        refined=refined_result(*identified.refined, orders, parameters) if autocorrelated else None,
         series=series,
         doubts=prepared.warnings,
         physical=physical[0],
@@ -379,9 +375,14 @@ def _parameters(
     )
 
 
-def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimate]) -> Refined:
+def refined_result(
+    values: FloatArray,
+    covariance: FloatArray,
+    orders: tuple[int, ...],
+    parameters: Sequence[ParameterEstimate],
+) -> Refined:
     """Refined estimates, and which of the unrefined ones whitening moves beyond noise."""
-    std = np.sqrt(np.diag(refined.covariance))
+    std = np.sqrt(np.diag(covariance))
     estimates = tuple(
         RefinedEstimate(
             name=parameter.name,
@@ -393,7 +394,7 @@ def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimat
             ls_value=parameter.ls_value,
             given_value=parameter.given_value,
         )
-        for parameter, value, deviation in zip(parameters, refined.values, std, strict=True)
+        for parameter, value, deviation in zip(parameters, values, std, strict=True)
     )
     # Whitening moves no estimate further than noise does where the model is right.
     moved = tuple(
@@ -402,7 +403,7 @@ def refined_result(refined: RefinedIdimIv, parameters: Sequence[ParameterEstimat
         if parameter.essential
         and abs(in_deviations(parameter.value, parameter.std, other.value, other.std)) > _FAR_APART
     )
-    return Refined(tuple(model.order for model in refined.models), estimates, moved)
+    return Refined(orders, estimates, moved)
 
 
 def _convergence(

@@ -163,8 +163,8 @@ Pauses = tuple[IntArray, IntArray]
 """Intervals to cut out of time: where they begin and end, (k,) ns each."""
 
 
-def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
-    """Return the parts of long pauses to cut out, and a note; None if no pause is long.
+def pauses_of(states: StampedMessages) -> tuple[Pauses, list[Note]]:
+    """Return the parts of long pauses to cut out, and a note if there are any.
 
     Cutting them saves time and memory.
     """
@@ -172,9 +172,9 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
     steps = np.diff(time)
     shortest = max(round(LONGEST_PAUSE * 1e9), 3 * int(np.median(steps)))
     long = np.flatnonzero(steps > shortest)
-    if len(long) == 0:
-        return None
     begin, end = time[long] + shortest, time[long + 1]
+    if len(long) == 0:
+        return (begin, end), []
     removed = float((end - begin).sum()) * 1e-9
     longest = float(steps[long].max()) * 1e-9
     first = float(time[long[0]] - time[0]) * 1e-9
@@ -183,14 +183,16 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
-    return (begin, end), Note(states.messages.topic, what, 1, limits=True)
+    return (begin, end), [Note(states.messages.topic, what, 1, limits=True)]
 
 
 def without_pauses(
     stamped: Mapping[str, StampedMessages], pauses: Pauses
-) -> dict[str, StampedMessages]:
+) -> Mapping[str, StampedMessages]:
     """Cut pauses out of all topics."""
     begin, end = pauses
+    if len(begin) == 0:
+        return stamped
     removed, shortened = np.concatenate([[0], np.cumsum(end - begin)]), {}
     for topic, messages in stamped.items():
         pause = np.searchsorted(begin, messages.time, side="right") - 1

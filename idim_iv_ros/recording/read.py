@@ -169,12 +169,12 @@ def _assemble(
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states
     notes += parts_note(joint_states, parts, joints)
-    paused = pauses_of(parts[0].stamped[joint_states])
-    notes += [] if paused is None else [paused[1]]
+    pauses, of_pauses = pauses_of(parts[0].stamped[joint_states])
+    notes += of_pauses
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
     followers = [source for source in (reference, links) if source is not None]
     for number, part in enumerate(parts):
-        stamped = part.stamped if paused is None else without_pauses(part.stamped, paused[0])
+        stamped = without_pauses(part.stamped, pauses)
         names = [joints[column] for column in part.columns]
         stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
         parts[number] = replace(part, stamped=stamped)

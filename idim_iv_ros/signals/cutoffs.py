@@ -17,7 +17,6 @@ DECIMATION_SHARE = 0.4
 _LEAST_CUTOFF = 5.0  # Hz, proposed where the motion is slow or noisy: loops are faster than that
 _MOTION_TO_NOISE = 10.0  # power over the noise floor that counts as motion
 _HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
-_SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 
 
 @dataclass(frozen=True)
@@ -139,19 +138,3 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
         end = len(moving) if moving.all() else int(np.argmin(moving))
         highest = max(highest, float(frequency[1:][max(end - 1, 0)]), 4.0 * float(frequency[1]))
     return highest
-
-
-def choose_minimum_speed(
-    processing: ProcessingSection, peak_speed: FloatArray
-) -> tuple[FloatArray, tuple[str, ...]]:
-    """Speed below which a joint is in its reversal regime, (n_joints,) rad/s, and why.
-
-    `peak_speed`: (n_joints,) largest filtered speed of each joint, rad/s.
-    """
-    if processing.minimum_speed is not None:
-        return np.array(processing.minimum_speed), ()
-    reason = (
-        f"samples slower than {100 * _SPEED_SHARE:g} % of a joint's peak speed are kept out of "
-        "its rows: the sign of the speed is not known there"
-    )
-    return _SPEED_SHARE * peak_speed, (reason,)

@@ -9,12 +9,13 @@ import scipy
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.signals.cutoffs import Cutoffs, choose_minimum_speed
+from idim_iv_ros.signals.cutoffs import Cutoffs
 from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 _EDGE_PERIODS = 2.0  # of the position cut-off, cut at each end when the user names no trim
 _EDGE_GROUPS = 2  # decimated samples cut at each end, likewise
 # Decimated samples dropped on either side of a slow one when the user names no margin.
@@ -134,7 +135,13 @@ def filter_motion(
         for joint, motion in enumerate(position[span].T):
             peak = np.abs(np.gradient(motion, 1.0 / record.rate)).max()
             peaks[joint] = max(peaks[joint], float(peak))
-    minimum_speed, why = choose_minimum_speed(processing, peaks)
+    minimum_speed, why = np.array(processing.minimum_speed), ""
+    if processing.minimum_speed is None:
+        minimum_speed = _SPEED_SHARE * peaks
+        why = (
+            f"samples slower than {100 * _SPEED_SHARE:g} % of a joint's peak speed are kept out of "
+            "its rows: the sign of the speed is not known there"
+        )
     motions = tuple(
         decimated_motion(
             record, position, span, processing, (cutoffs.position, factor), minimum_speed, couplings
@@ -144,9 +151,9 @@ def filter_motion(
         )
     )
     at_rest = tuple(name for name, rests in zip(joints, still, strict=True) if rests)
-    if at_rest:
-        why = (f"{', '.join(at_rest)} stands still: its noise is not taken for motion", *why)
-    return motions, minimum_speed, at_rest, why
+    still_words = f"{', '.join(at_rest)} stands still: its noise is not taken for motion"
+    reasons = (still_words if at_rest else "", why)
+    return motions, minimum_speed, at_rest, tuple(filter(None, reasons))
 
 
 def _why_still(
