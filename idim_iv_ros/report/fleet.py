@@ -18,7 +18,7 @@ from idim_iv_ros.fleet.result import (
 )
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band, layout
+from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band
 from idim_iv_ros.report.numerals import INTERVAL, THIN, number, plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -257,7 +257,7 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
         70 + _ROW * len(names),
         words,
         data,
-        layout(axes, shapes=shapes, margin=margin),
+        {**axes, "shapes": shapes, "margin": margin},
     )
 
 
@@ -318,4 +318,4 @@ def _change_figure(change: ParameterChange, anchor: str) -> Figure:
         "yaxis": axis(f"{change.name}, {change.unit}", nticks=6),
     }
     words = f"{change.name} of each bag over time, and the change that was found"
-    return Figure(anchor, 250, words, [dots, fitted], layout(axes, shapes=[begin]))
+    return Figure(anchor, 250, words, [dots, fitted], {**axes, "shapes": [begin]})

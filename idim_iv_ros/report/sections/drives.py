@@ -20,7 +20,6 @@ from idim_iv_ros.report.figures import (
     Figure,
     axis,
     dots,
-    layout,
     line,
     outline,
 )
@@ -77,7 +76,7 @@ def _twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
         data.append(line(load, 1e3 * law, INK, 1.6, hover))
     axes = {"xaxis": axis(f"Load, {torque}"), "yaxis": axis(f"Twist, {small}", nticks=6)}
     words = f"Twist of the gear of {series.joint} over its load, by direction of motion"
-    return Figure(f"transmission-{index}", _HEIGHT, words, data, layout(axes))
+    return Figure(f"transmission-{index}", _HEIGHT, words, data, axes)
 
 
 TRANSMISSIONS = Section(
@@ -110,7 +109,7 @@ def _friction_figure(result: GapResult, series: GapSeries) -> Figure:
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
     return Figure(
-        f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, layout(axes)
+        f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, axes
     )
 
 
@@ -206,7 +205,7 @@ def _residual_figure(result: GapResult, series: GapSeries) -> Figure:
         + ", ".join(row.title for row in rows)
     )
     anchor = f"residual-{result.joints.index(series.joint)}"
-    return Figure(anchor, _ROW_HEIGHT * len(rows) + 44, words, data, layout(axes))
+    return Figure(anchor, _ROW_HEIGHT * len(rows) + 44, words, data, axes)
 
 
 def _suffix(place: int) -> str:

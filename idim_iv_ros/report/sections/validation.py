@@ -13,7 +13,6 @@ from idim_iv_ros.report.figures import (
     Figure,
     axis,
     band,
-    layout,
     line,
 )
 from idim_iv_ros.report.section import Section
@@ -46,7 +45,7 @@ def _acf(result: IdentificationResult, residual: JointResidual) -> Figure:
         _HEIGHT,
         words,
         data,
-        layout(axes, shapes=[white]),
+        {**axes, "shapes": [white]},
     )
 
 
