@@ -90,7 +90,10 @@ class SimulatedLoop:
         The simulated positions go through the position filter of the regressor, so that X and Z
         differ by noise and by the model, not by the filter.
         """
-        scale = self._gain_scale(values, reference_values)
+        simulated, actual = map(self._joint_inertia, (values, reference_values))
+        usable = (simulated > 0.0) & (actual > 0.0)
+        ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
+        scale = np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
         note = ""
         if not np.allclose(scale, 1.0):
             note = "gains scaled by " + ", ".join(f"{factor:.3g}" for factor in scale)
@@ -169,14 +172,6 @@ class SimulatedLoop:
         """(n_joints,) kg m² (kg), over a few positions."""
         parameters = self.model.dynamic_parameters(values)
         return joint_inertia(self.model.robot, parameters, self.motions[0].position)
-
-    def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
-        """J_j(values) / J_j(robot), 1 where they are close."""
-        simulated = self._joint_inertia(values)
-        actual = self._joint_inertia(reference_values)
-        usable = (simulated > 0.0) & (actual > 0.0)
-        ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
-        return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,11 @@ def sampling_times(time: IntArray, position: FloatArray) -> tuple[IntArray, floa
     drift = _phase(stamps, _DRIFT)
     interval *= 1.0 + float(drift[-1] - drift[0]) / float(stamps[-1])
     stamps = (time - time[0]) / interval
-    places, phase = _regular_clock(stamps, max(int(1e9 * _WANDER / interval), _WINDOW))
+    phase = _phase(stamps, max(int(1e9 * _WANDER / interval), _WINDOW))
+    order = np.arange(len(stamps))
+    # Places of the stamps on the clock, in intervals and no two the same; some are passed over.
+    free = scipy.optimize.isotonic_regression(stamps - phase - order).x
+    places = np.rint(free).astype(np.int64) + order
     jitter = stamps - places - phase
     if float(np.std(jitter)) < _LEAST_JITTER:
         return time, 1.0
@@ -226,14 +230,6 @@ def sampling_times(time: IntArray, position: FloatArray) -> tuple[IntArray, floa
         return time, 1.0
     share = max(share, 0.0)
     return time - np.rint((1.0 - share) * jitter * interval).astype(np.int64), share
-
-
-def _regular_clock(stamps: FloatArray, width: int) -> tuple[IntArray, FloatArray]:
-    """Return places, no two the same, and phases (n,) of stamps (n,), all in intervals."""
-    phase = _phase(stamps, width)
-    order = np.arange(len(stamps))
-    free = scipy.optimize.isotonic_regression(stamps - phase - order).x  # that are passed over
-    return np.rint(free).astype(np.int64) + order, phase
 
 
 def _phase(stamps: FloatArray, width: int) -> FloatArray:

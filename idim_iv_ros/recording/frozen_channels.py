@@ -102,7 +102,10 @@ def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps:
     # Most channels end here, and cost nothing more.
     if lengths.max(initial=0) <= _LEAST_REPEATS + 1:
         return none
-    moved = _moves_during(position, first, last, speed)
+    after = np.minimum(last + 1, len(position) - 1)
+    middle = position[(first + after) // 2]
+    distance = np.abs(middle - position[first]) + np.abs(position[after] - middle)
+    moved = distance >= speed * np.maximum(after - first, 1)
     if np.count_nonzero(moved & np.isfinite(values[first])) < _LEAST_VALUES:
         return none
     usual = float(np.quantile(lengths[moved], _MOST))
@@ -137,14 +140,6 @@ def moving_speed(position: FloatArray) -> float:
     speeds = np.abs(measured[span:] - measured[:-span]) / span
     peak = float(np.quantile(speeds, 0.99))
     return _MOVES * peak if peak > 0.0 else np.inf
-
-
-def _moves_during(position: FloatArray, first: IntArray, last: IntArray, speed: float) -> BoolArray:
-    """Return whether the joint moves faster than `speed` during runs first … last, (n_runs,)."""
-    after = np.minimum(last + 1, len(position) - 1)
-    middle = position[(first + after) // 2]
-    distance = np.abs(middle - position[first]) + np.abs(position[after] - middle)
-    return np.asarray(distance >= speed * np.maximum(after - first, 1))
 
 
 def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:

@@ -12,7 +12,6 @@ from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessages, checked_messages
-from idim_iv_ros.recording.clock import StampedMessages
 from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import (
     Grid,
@@ -255,7 +254,12 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
         if topic.time[-1] < first or topic.time[0] > last:
             raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
-            begin, end = _active_time(topic, first, last)
+            # Outside, the control law does not act. A plain topic of references limits nothing:
+            # after its last message the robot stands still.
+            begin, end = first, last
+            active = topic.time[np.isfinite(topic.messages.values["position"]).all(axis=1)]
+            if topic.messages.origins and len(active):
+                begin, end = max(first, int(active[0])), min(last, int(active[-1]))
             before, after = (begin - first) * 1e-9, (last - end) * 1e-9
             if max(before, after) >= _NOTED:
                 what = (
@@ -277,20 +281,6 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
             f"{because}"
         )
     return grid, notes
-
-
-def _active_time(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:
-    """Return first and last stamp, ns, between which the controller has references.
-
-    Outside, the control law does not act. A plain topic of references limits nothing: after its
-    last message the robot stands still.
-    """
-    if not reference.messages.origins:
-        return first, last
-    active = reference.time[np.isfinite(reference.messages.values["position"]).all(axis=1)]
-    if len(active) == 0:
-        return first, last
-    return max(first, int(active[0])), min(last, int(active[-1]))
 
 
 def _velocity(grid: Grid, parts: Sequence[Part], source: str) -> Signal | None:

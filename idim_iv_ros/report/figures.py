@@ -13,10 +13,7 @@ from idim_iv_ros.encoding import json_text
 
 # Variables of the stylesheet: the page's script puts the values of the present scheme there.
 # Okabe and Ito: distinguished by readers with any colour vision, and in grey by their lightness.
-(
-    INK,
-    MUTED,
-) = "var(--ink)", "var(--muted)"
+INK, MUTED = "var(--ink)", "var(--muted)"
 BLUE, ORANGE, GREY = "var(--blue)", "var(--orange)", "var(--grey)"
 SHADE = "var(--shade)"
 # Colours of the directions of motion, none of which is that of a model.

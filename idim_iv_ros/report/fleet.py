@@ -303,7 +303,7 @@ def _change_figure(change: ParameterChange, anchor: str) -> Figure:
         "mode": "lines",
         "x": times,
         "y": list(change.fitted),
-        "line": {"color": ORANGE, "width": 2, "shape": "hv" if change.kind == "step" else "linear"},
+        "line": {"color": ORANGE, "width": 2},
         "hoverinfo": "skip",
     }
     if change.kind == "step":
@@ -311,7 +311,6 @@ def _change_figure(change: ParameterChange, anchor: str) -> Figure:
         before = int(np.searchsorted(times, change.begin))
         fitted["x"] = [times[0], change.begin, change.begin, times[-1]]
         fitted["y"] = [change.before, change.before, change.fitted[before], change.fitted[-1]]
-        fitted["line"] = {"color": ORANGE, "width": 2}
     begin = band((change.begin_low, change.begin_high), (0.0, 1.0), yref="paper")
     axes = {
         "xaxis": axis("", type="date"),

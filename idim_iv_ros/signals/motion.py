@@ -123,7 +123,14 @@ def filter_motion(
         filtered.append(position)
         still &= _stands_still(record.position, position)
     if still.all():
-        raise DataError(_why_still(signals, filtered, joints))
+        ranges = np.array([np.ptp(record.position, axis=0) for record in signals])
+        place, joint = divmod(int(np.argmax(ranges)), ranges.shape[1])
+        noise = float(np.std((signals[place].position - filtered[place])[:, joint]))
+        raise DataError(
+            f"{', '.join(record.name for record in signals)}: no joint moves: the most is "
+            f"{joints[joint]} over {ranges[place, joint]:.2g} (rad, or m), with noise of "
+            f"{noise:.2g} (σ); record an exciting motion"
+        )
     spans = [
         _span(record, processing, cutoffs.position, factor)
         for record, factor in zip(signals, cutoffs.factors, strict=True)
@@ -154,20 +161,6 @@ def filter_motion(
     still_words = f"{', '.join(at_rest)} stands still: its noise is not taken for motion"
     reasons = (still_words if at_rest else "", why)
     return motions, minimum_speed, at_rest, tuple(filter(None, reasons))
-
-
-def _why_still(
-    signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
-) -> str:
-    """Say how far the joint that moves most does, and how large its noise is."""
-    names = ", ".join(record.name for record in signals)
-    ranges = np.array([np.ptp(record.position, axis=0) for record in signals])
-    record, joint = divmod(int(np.argmax(ranges)), ranges.shape[1])
-    noise = float(np.std((signals[record].position - filtered[record])[:, joint]))
-    return (
-        f"{names}: no joint moves: the most is {joints[joint]} over {ranges[record, joint]:.2g} "
-        f"(rad, or m), with noise of {noise:.2g} (σ); record an exciting motion"
-    )
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:

@@ -151,7 +151,13 @@ def _satterthwaite_f_test(
     if rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(VALID, scope, "no error V is left to judge by")
     variance = unexplained / dof
-    trace, trace_of_square = _draws_energy(basis.vectors.T @ factor[:, width + 1 :], rank)
+    draws = basis.vectors.T @ factor[:, width + 1 :]
+    count, trace, trace_of_square = draws.shape[1], 0.0, 0.0
+    if count > 1:  # tr A and tr A² of the covariance A of the draws
+        products = draws.T @ draws
+        trace = float(np.trace(products)) / count
+        square = float(np.mean(products[~np.eye(count, dtype=bool)] ** 2))
+        trace_of_square = min(max(square, trace**2 / rank), trace**2)
     mean = rank * variance + trace
     spread_of_energy = rank * variance**2 + 2.0 * variance * trace + trace_of_square
     freedom = max(1, round(mean**2 / spread_of_energy))
@@ -167,18 +173,6 @@ def _satterthwaite_f_test(
         max_deviation=deviation,
         torque_deviation_percent=torque_percent,
     )
-
-
-def _draws_energy(draws: FloatArray, rank: int) -> tuple[float, float]:
-    """Tr A and tr A² of the covariance A of draws (rank, n_draws)."""
-    count = draws.shape[1]
-    if count < 2:
-        return 0.0, 0.0
-    products = draws.T @ draws
-    trace = float(np.trace(products)) / count
-    apart = products[~np.eye(count, dtype=bool)]
-    square = float(np.mean(apart**2))
-    return trace, min(max(square, trace**2 / rank), trace**2)
 
 
 def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
