@@ -125,7 +125,15 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     recordings = session.recordings
     urdf, source = description_text(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
-    _require_locked(recordings, model.robot.carriers)
+    for recording in recordings:
+        for name in model.robot.carriers:
+            low, high = recording.other_positions.get(name, (0.0, 0.0))
+            if high - low > _LOCKED:
+                raise DataError(
+                    f"{recording.path.name}: {name} carries other joints and moves from "
+                    f"{low:.3g} to {high:.3g}, and robot.joints leaves it out, which locks it: "
+                    "add it to robot.joints, or record with it at rest"
+                )
     records = [joint_side(recording, configuration) for recording in recordings]
     repeating = []
     for place, record in enumerate(records):
@@ -158,19 +166,6 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         ),
         advice=_advice(recordings, configuration),
     )
-
-
-def _require_locked(recordings: Sequence[Recording], carriers: Sequence[str]) -> None:
-    """Refuse recordings in which a joint moves that carries others and that the model locks."""
-    for recording in recordings:
-        for name in carriers:
-            low, high = recording.other_positions.get(name, (0.0, 0.0))
-            if high - low > _LOCKED:
-                raise DataError(
-                    f"{recording.path.name}: {name} carries other joints and moves from "
-                    f"{low:.3g} to {high:.3g}, and robot.joints leaves it out, which locks it: "
-                    "add it to robot.joints, or record with it at rest"
-                )
 
 
 def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:

@@ -271,7 +271,16 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
 
     Raises DataError: see `stamp_messages`.
     """
-    labels = np.array([_part_labels(messages.named) for messages in sources.values()])
+    labels = []
+    for messages in sources.values():
+        label = np.arange(messages.named.shape[1])
+        for layout in messages.named:
+            together = np.isin(label, label[layout])
+            label[together] = np.min(label[together], initial=len(label))
+        present = messages.named.any(axis=0)
+        # Joints that are never named split nothing.
+        label[~present] = label[present][0] if present.any() else 0
+        labels.append(label)
     _, label = np.unique(labels, axis=1, return_inverse=True)
     columns = [np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())]
     return tuple(
@@ -284,18 +293,6 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
         )
         for joints in columns
     )
-
-
-def _part_labels(named: BoolArray) -> IntArray:
-    """Return equal labels (n_joints,) for joints that a layout in `named` names together."""
-    label = np.arange(named.shape[1])
-    for layout in named:
-        joined = np.isin(label, label[layout])
-        label[joined] = np.min(label[joined], initial=named.shape[1])
-    present = named.any(axis=0)
-    # Joints that are never named split nothing.
-    label[~present] = label[present][0] if present.any() else 0
-    return label
 
 
 def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:

@@ -140,7 +140,9 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
         more = len(result.causes) - 1
         others = f", with {more} more" if more else ""
         name = effect_at(first.effect, first.joint)
-        if worst is not None and not any(_acts_at(cause, worst) for cause in result.causes):
+        everywhere = any(cause.joint is None for cause in result.causes)
+        places = {place for cause in result.causes for place in _joints_of(cause)}
+        if worst is not None and not everywhere and worst not in places:
             if any(error.joint == worst for error in result.parameter_errors):
                 return f"Wrong parameter values there{corrected}; besides them, {name}{others}."
             return f"Cause elsewhere: {name}{others}{corrected}."
@@ -205,10 +207,8 @@ def _corrected_share(result: GapResult, gap: JointGap) -> str:
     return f" ({percent(100.0 * min(shrinkage, 1.0))} of it corrected)"
 
 
-def _acts_at(cause: Cause, joint: str) -> bool:
-    """Return whether a cause removes part of the gap at a joint."""
-    places = {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
-    return cause.joint is None or joint in places
+def _joints_of(cause: Cause) -> set[str | None]:
+    return {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
 
 
 def identification_headline(result: IdentificationResult) -> tuple[str, ...]:

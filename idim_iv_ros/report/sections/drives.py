@@ -101,22 +101,17 @@ def _friction_figure(result: GapResult, series: GapSeries) -> Figure:
         seen = np.concatenate([shown, series.given_friction])
         data += _curves(series, series.given_friction, INK, f"nominal %{{y:.3g}} {unit}")
     data += _curves(series, series.friction, BLUE, f"extended %{{y:.3g}} {unit}")
+    low, high = np.percentile(seen[np.isfinite(seen)], [0.5, 99.5])
+    room = 0.12 * max(float(high - low), 1e-12)
+    ends = [float(low) - room, float(high) + room]
     axes = {
         "xaxis": axis(f"Speed, {speed}", nticks=6, zeroline=True, zerolinecolor=GREY),
-        "yaxis": axis(
-            f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=_range(seen)
-        ),
+        "yaxis": axis(f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=ends),
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
     return Figure(
         f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, axes
     )
-
-
-def _range(values: FloatArray) -> list[float]:
-    low, high = np.percentile(values[np.isfinite(values)], [0.5, 99.5])
-    room = 0.12 * max(float(high - low), 1e-12)
-    return [float(low) - room, float(high) + room]
 
 
 def _curves(
@@ -218,11 +213,19 @@ def _panels(
 ) -> list[tuple[FloatArray, dict[str, Any]]]:
     """Return the columns of panels: abscissa as drawn (stretched), and its axis."""
     since = np.log10(np.maximum(series.since_reversal, _SHORTEST))
+    low, high = np.percentile(since, [1.0, 100.0])
+    ticks = list(range(int(np.ceil(low)), int(np.floor(high)) + 1))
+    distance = axis(
+        f"Distance since reversal, {position_unit}",
+        tickvals=ticks,
+        ticktext=[round_number(10.0**tick) for tick in ticks],
+        range=[float(low), float(high) + 0.03],
+    )
     return [
         (_root(series.speed), _speed_axis(series.speed, f"{position_unit}/s")),
         (series.position, axis(f"Position, {position_unit}", nticks=6)),
         (series.load, axis(f"Load (rigid bodies), {torque_unit}", nticks=6)),
-        (since, _distance_axis(since, position_unit)),
+        (since, distance),
     ]
 
 
@@ -244,17 +247,6 @@ def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
     )
 
 
-def _distance_axis(since: FloatArray, unit: str) -> dict[str, Any]:
-    low, high = np.percentile(since, [1.0, 100.0])
-    ticks = list(range(int(np.ceil(low)), int(np.floor(high)) + 1))
-    return axis(
-        f"Distance since reversal, {unit}",
-        tickvals=ticks,
-        ticktext=[round_number(10.0**tick) for tick in ticks],
-        range=[float(low), float(high) + 0.03],
-    )
-
-
 def _panel(
     series: GapSeries, abscissa: FloatArray, row: Row, unit: str
 ) -> tuple[list[dict[str, Any]], float]:
@@ -273,14 +265,11 @@ def _panel(
             *_band(curve, colour),
             line(curve.x, curve.mean, colour, 2.0, f"{word}: mean %{{y:.3g}} {unit}"),
         ]
-        largest = max(largest, _largest(curve), float(np.percentile(np.abs(y), 96.0)))
+        drawn = np.abs(np.concatenate([curve.mean, curve.low, curve.high]))
+        drawn = drawn[np.isfinite(drawn)]
+        mean = np.percentile(drawn, 99.0) if len(drawn) else 0.0
+        largest = max(largest, float(mean), float(np.percentile(np.abs(y), 96.0)))
     return traces, largest
-
-
-def _largest(curve: SmoothCurve) -> float:
-    values = np.abs(np.concatenate([curve.mean, curve.low, curve.high]))
-    values = values[np.isfinite(values)]
-    return float(np.percentile(values, 99.0)) if len(values) else 0.0
 
 
 def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:

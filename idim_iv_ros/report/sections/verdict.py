@@ -1,6 +1,6 @@
 """The answer of a report: findings, next steps, drawing of the robot, causes, what changed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,6 @@ from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model.skeleton import Skeleton
 from idim_iv_ros.report.advice import (
     FAMILIES,
     contrast_headline,
@@ -32,8 +31,6 @@ from idim_iv_ros.report.numerals import is_number, percent
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
 
-# From small to large shares; distinct on white and on black, and by lightness.
-_COLOURS = ((0.0, (154, 181, 204)), (0.45, (240, 170, 95)), (1.0, (190, 52, 20)))
 # Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
 _AXIS, _AXIS_ALONE = 0.07, 0.2
 _SIZE = 330.0  # pixels of the robot's longer side
@@ -41,12 +38,15 @@ _COLUMN, _LINE, _LETTER = 30.0, 18.0, 8.0  # pixels: to the labels, height and l
 _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)
 
 
-def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
-    """Return a drawing of the robot with coloured joints; None where it cannot be drawn."""
-    skeleton = report.nominal.skeleton
+def _robot(report: Report[R]) -> dict[str, Any] | None:
+    """Return the variables of the macro ``robot``; None where the robot cannot be drawn.
+
+    The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
+    x2, y2), pixels, y downwards.
+    """
+    skeleton, result = report.nominal.skeleton, report.result
     if skeleton is None:
         return None
-    result = report.result
     values: Mapping[str, float | None]
     if isinstance(result, GapResult):
         values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.where.joints}
@@ -54,21 +54,6 @@ def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
     else:
         values = result.fit.joint_relative_error_percent
         title = "relative error of the torque"
-    shares = [values.get(joint) for joint in result.joints]
-    return robot_drawing(skeleton, result.joints, shares, title)
-
-
-def robot_drawing(
-    skeleton: Skeleton,
-    joints: Sequence[str],
-    values: Sequence[float | None],
-    title: str,
-) -> dict[str, Any]:
-    """Return the variables of the macro ``robot``; `values` (n_joints,), %, colour the joints.
-
-    The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
-    x2, y2), pixels, y downwards.
-    """
     points = np.array([point for line in skeleton.segments for point in line])
     size = float(np.ptp(points, axis=0).max())
     half = (_AXIS * size or _AXIS_ALONE) * skeleton.axes
@@ -88,17 +73,16 @@ def robot_drawing(
         pixels[..., 1] = height - pixels[..., 1]
         return [[round(float(end), 1) for end in line] for line in pixels.reshape(len(lines), -1)]
 
-    largest = max([1e-3, *filter(is_number, values)])
+    largest = max([1e-3, *filter(is_number, values.values())])
     drawn: list[dict[str, Any]] = []
-    rows = zip(joints, values, placed(axes), strict=True)
-    for joint, value, axis in sorted(rows, key=lambda row: row[2][1] + row[2][3]):
+    rows = zip(result.joints, placed(axes), strict=True)
+    for joint, axis in sorted(rows, key=lambda row: row[1][1] + row[1][3]):
+        value = values.get(joint)
         x, y = 0.5 * (axis[0] + axis[2]), 0.5 * (axis[1] + axis[3])
         label = f"{joint}: {percent(value)}"
         line = max(y, drawn[-1]["line"] + _LINE) if drawn else y
         share = value / largest if is_number(value) else 0.0
-        drawn.append(
-            {"x": x, "y": y, "line": line, "axis": axis, "colour": _colour(share), "label": label}
-        )
+        drawn.append({"x": x, "y": y, "line": line, "axis": axis, "share": share, "label": label})
     words = ", ".join(joint["label"] for joint in drawn)
     return {
         "title": title,
@@ -118,17 +102,9 @@ def _project(point: FloatArray) -> FloatArray:
     return np.array([turned, np.cos(_ELEVATION) * point[2] - np.sin(_ELEVATION) * toward])
 
 
-def _colour(share: float) -> str:
-    """Return the CSS colour of a share from 0 to 1, between those of `_COLOURS`."""
-    places = [place for place, _ in _COLOURS]
-    parts = zip(*(colour for _, colour in _COLOURS), strict=True)
-    mixed = [round(float(np.interp(share, places, part))) for part in parts]
-    return f"rgb({', '.join(map(str, mixed))})"
-
-
 def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
     """Return variables of the template with the drawing of the robot."""
-    return {"robot": _shaded_robot(report), "missing": report.nominal.missing, **context}
+    return {"robot": _robot(report), "missing": report.nominal.missing, **context}
 
 
 def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
