@@ -156,7 +156,6 @@ class SimulatedLoop:
         return float(np.sqrt(np.max(stiffness[usable] / inertia[usable]))) / (2.0 * np.pi)
 
     def _positions(self, values: FloatArray, scale: FloatArray) -> list[FloatArray]:
-        """Simulated and filtered positions of every recording."""
         parameters = self.model.dynamic_parameters(values)
         positions = []
         for motion, law in zip(self.motions, self.laws, strict=True):

@@ -122,7 +122,15 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
             for contradiction in prepared.joint_findings
             if contradiction.joint == joint
         ]
-    findings += _link_findings(prepared)
+    topic = prepared.configuration.signals.link_states
+    if topic is not None:
+        robot = prepared.model.robot
+        behind = [
+            Finding(robot.joints[finding.joint], finding.level, finding.sentence)
+            for finding in link_findings(prepared.motions, robot.joint_types)
+        ]
+        sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
+        findings += behind or [Finding(topic, "limited", sentence)]
     parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
@@ -176,7 +184,6 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
 
 
 def _reference_source(recording: Recording) -> Finding:
-    """Say where the reference comes from, and at which rate."""
     assert recording.position_reference is not None
     name = recording.path.name
     source, _, field = recording.position_reference.origin.rpartition(" ")
@@ -236,20 +243,6 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
         f"and {np.abs(acceleration).max():.3g} {unit}/s², {reversals} reversals"
     )
     return _findings(name, [moves], limited)
-
-
-def _link_findings(prepared: PreparedRegression) -> list[Finding]:
-    """Say what encoders behind the gears hold, where the configuration names their topic."""
-    topic = prepared.configuration.signals.link_states
-    if topic is None:
-        return []
-    robot = prepared.model.robot
-    findings = [
-        Finding(robot.joints[finding.joint], finding.level, finding.sentence)
-        for finding in link_findings(prepared.motions, robot.joint_types)
-    ]
-    sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
-    return findings or [Finding(topic, "limited", sentence)]
 
 
 def count_reversals(speed: FloatArray, threshold: float) -> int:

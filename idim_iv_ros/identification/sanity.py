@@ -90,7 +90,11 @@ def joint_findings(
     positions = [list(signals.positions()) for signals in signals_of]
     wrong = [k for k, some in enumerate(positions) if any(finding.left_out for finding in some)]
     spoilt = _moved_by(model, motions, wrong)
-    turned = _opposite_in_some(model, motions, cutoffs, effort_unit) if len(motions) > 1 else {}
+    turned: dict[int, list[str]] = {}  # recordings in which the effort has another sign
+    for motion in motions if len(motions) > 1 else ():
+        for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
+            if effort and _Signals(model, [motion], joint, effort_unit).opposite(effort):
+                turned.setdefault(joint, []).append(motion.signals.name)
     for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
         findings += positions[joint]
         if joint in spoilt and joint not in wrong:
@@ -101,7 +105,7 @@ def joint_findings(
             continue
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
-        if joint in turned:
+        if 0 < len(turned.get(joint, ())) < len(motions):
             sentence = (
                 f"the effort has the opposite sign in {', '.join(turned[joint])} only: leave "
                 "such recordings out, or record again with the driver as in the others"
@@ -118,18 +122,6 @@ def joint_findings(
     for joint, sentence in sorted(wrong_of.items()):
         findings.append(JointFinding(joint, "limited", sentence))
     return tuple(findings)
-
-
-def _opposite_in_some(
-    model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs, effort_unit: str
-) -> dict[int, list[str]]:
-    """Names of recordings in which the effort of a joint has another sign than in the others."""
-    turned: dict[int, list[str]] = {}
-    for motion in motions:
-        for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
-            if effort and _Signals(model, [motion], joint, effort_unit).opposite(effort):
-                turned.setdefault(joint, []).append(motion.signals.name)
-    return {joint: names for joint, names in turned.items() if len(names) < len(motions)}
 
 
 def wrong_references(

@@ -175,7 +175,6 @@ def on_one_clock(
 
 
 def _is_usual_step(steps: IntArray, interval: float) -> BoolArray:
-    """Return whether steps (n,), ns, are usual for messages with an `interval`, (n,) bool."""
     longest = max(_PAUSE * 1e9, _PAUSE_INTERVALS * interval)
     return np.asarray((steps >= -_SET_BACK * interval) & (steps <= longest))
 

@@ -138,26 +138,22 @@ def recording_of(messages: BagMessages) -> Recording:
     Raises DataError: a topic, a joint or a field is missing, or the messages make no recording;
     with the losses of the bag, which are a likely reason.
     """
-    losses = loss_notes(messages.bag, messages.request.topics)
+    bag, request = messages.bag, messages.request
+    losses = loss_notes(bag, request.topics)
+    sources: dict[str, JointMessages] = {}
+    notes = list(losses)
     try:
-        return _recording_of(messages, losses)
+        for source in request.fields:
+            if source not in messages.readers:
+                raise DataError(_missing_topic(bag, source, request))
+            optional, reader = source == request.link_states, messages.readers[source]
+            sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
+            notes += left_out
+        parts = list(parts_of(sources, str(bag.path)))
+        made = _assemble(bag.path, request, parts, messages.description, notes)
     except DataError as error:
         words = "".join(f" ({note.sentence})" for note in losses)
         raise DataError(f"{error}{words}") from error
-
-
-def _recording_of(messages: BagMessages, notes: list[Note]) -> Recording:
-    sources: dict[str, JointMessages] = {}
-    bag, request = messages.bag, messages.request
-    for source in request.fields:
-        if source not in messages.readers:
-            raise DataError(_missing_topic(bag, source, request))
-        optional = source == request.link_states
-        reader = messages.readers[source]
-        sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
-        notes += left_out
-    parts = list(parts_of(sources, str(bag.path)))
-    made = _assemble(bag.path, request, parts, messages.description, notes)
     return replace(made, other_positions=sources[request.joint_states].ranges)
 
 

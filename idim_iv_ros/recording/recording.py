@@ -238,7 +238,6 @@ def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
 
 
 def _seconds_text(seconds: float) -> str:
-    """Return seconds as text: three digits, whole seconds beyond a thousand."""
     return f"{seconds:.0f}" if seconds >= 1000.0 else f"{seconds:.3g}"
 
 

@@ -431,5 +431,4 @@ def _matching_unit(text: str, units: Mapping[str, float]) -> str:
 
 
 def _quote(name: str) -> str:
-    """Return a name as a YAML scalar, quoted if necessary."""
     return "'" + name.replace("'", "''") + "'"

@@ -95,6 +95,7 @@ def read_array(path: Path, name: str) -> FloatArray:
 
 
 def _array(path: Path, name: str) -> Any:
+    """Return one variable of a file; dates in s since 1970."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
         # Mapped, so that a header that claims more than the file holds is an error and no memory.
@@ -102,7 +103,12 @@ def _array(path: Path, name: str) -> Any:
         _require_size(path, array.nbytes)
         return array
     if suffix == ".parquet":
-        return _parquet_column(path, name)
+        table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
+        if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
+            stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
+            return 1e-9 * np.asarray(stamps, dtype=float)[:, None]
+        rows = table[name].to_pylist()  # lists are columns
+        return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
     if suffix == ".npz":
         with zipfile.ZipFile(path) as archive:
             _require_size(path, archive.getinfo(f"{name}.npy").file_size)
@@ -114,16 +120,6 @@ def _array(path: Path, name: str) -> Any:
         return loadmat(path, variable_names=[name])[name]
     with needs_tables(path, "h5py").File(path) as file:
         return file[name][()]
-
-
-def _parquet_column(path: Path, name: str) -> FloatArray:
-    """Return one column as (n_samples, n_columns): lists as columns, dates in s since 1970."""
-    table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
-    if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
-        stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
-        return 1e-9 * np.asarray(stamps, dtype=float)[:, None]
-    rows = table[name].to_pylist()
-    return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
 
 
 def needs_tables(path: Path, module: str) -> Any:

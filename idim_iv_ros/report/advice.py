@@ -92,7 +92,6 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
 
 
 def _share_missed(gap: JointGap) -> str:
-    """Return the share of a joint's torque that the model misses, beyond noise if that is known."""
     beyond, noise = gap.beyond_noise_percent, "" if gap.noise_floor is None else " beyond noise"
     if beyond == 0.0:
         return f"nothing{noise}"
@@ -324,7 +323,6 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
 
 
 def _law(cause: Cause) -> str:
-    """Return the corrected numbers of one joint's control law as text."""
     numbers = ", ".join(
         f"{name.replace('_', ' ')} = {with_interval(by.value, by.std, by.unit)}"
         for name, by in cause.parameters.items()

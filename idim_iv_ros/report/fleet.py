@@ -63,12 +63,17 @@ def fleet_html(
     `reports` has the address of each robot's own report, relative to the page, by the name of the
     robot; the recordings of `files` are the source of the fleet.
     """
+    headlines = [headline(result)]
+    if _badge(result)[0] == "bad":
+        first = result.robots[0]
+        headlines.append(f"{first.robot}: {first.reasons[0].rstrip('.')}.")
+        headlines.append(f"At most {_share(result)} of such robots are by chance.")
     shown = {
         "result": result,
         "share": _share(result),
         "badge": _badge(result),
         "badges": _BADGES,
-        "headlines": _headlines(result),
+        "headlines": headlines,
         "steps": steps(result, reports or {}, files),
         "reports": reports or {},
         "names_of": _names_of,
@@ -131,15 +136,6 @@ def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list
     return contrast or [Step("Find out why they stand out:", repeat)]
 
 
-def _headlines(result: FleetResult) -> list[str]:
-    """Return sentences on the fleet, on the first robot that stands out, and on its certainty."""
-    if _badge(result)[0] != "bad":
-        return [headline(result)]
-    first, share = result.robots[0], _share(result)
-    reason = f"{first.robot}: {first.reasons[0].rstrip('.')}."
-    return [headline(result), reason, f"At most {share} of such robots are by chance."]
-
-
 def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
     """Return a step that compares a robot with itself before a change, or an ordinary robot.
 
@@ -164,7 +160,6 @@ def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> lis
 
 
 def _short(path: Path) -> str:
-    """Return a path relative to the working directory, if it lies in it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
@@ -190,7 +185,6 @@ def headline(result: FleetResult) -> str:
 
 
 def _share(result: FleetResult) -> str:
-    """Return the false discovery rate in percent."""
     return f"{100.0 * result.false_discoveries:g}{THIN}%"
 
 
@@ -275,7 +269,6 @@ def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict
 
 
 def _inside(ends: list[float]) -> tuple[float, float]:
-    """Return an interval without what is farther than is drawn."""
     return max(ends[0], -_FARTHEST), min(ends[1], _FARTHEST)
 
 
@@ -286,7 +279,6 @@ def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
 
 
 def _change_figure(change: ParameterChange, anchor: str) -> Figure:
-    """Return a figure of one quantity of one robot over time, with the change found in it."""
     times = list(change.times)
     bars = [INTERVAL * std for std in change.stds]
     dots = {

@@ -91,7 +91,9 @@ def unit_in(result: Result, unit: str, joint: str | None) -> str:
 
     Where `joint` is None, the units of all joints: ``N m or N``.
     """
-    effort = _effort_unit(result)
+    signals = result.configuration.get("signals")
+    given = signals.get("effort_unit") if isinstance(signals, Mapping) else None
+    effort = given if isinstance(given, str) else "N m"
     types = dict(zip(result.joints, result.joint_types, strict=True))
     chosen = types.values() if joint is None else [types.get(joint, "revolute")]
     units = {unit_at(unit, joint_name, effort) for joint_name in chosen}
@@ -106,14 +108,6 @@ def torque_unit(result: Result, joint: str | None) -> str:
 def small_unit(result: Result, joint: str | None) -> str:
     """Return the unit of a tracking error: mrad, or mm for a prismatic joint."""
     return unit_in(result, "mrad", joint)
-
-
-def _effort_unit(result: Result) -> str:
-    if not isinstance(result, GapResult):
-        return result.effort_unit
-    signals = result.configuration.get("signals")
-    unit = signals.get("effort_unit") if isinstance(signals, Mapping) else None
-    return unit if isinstance(unit, str) else "N m"
 
 
 def torque_word(unit: str) -> str:

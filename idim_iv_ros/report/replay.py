@@ -173,7 +173,6 @@ def error_words(error: ReplayError, scale: float, unit: str) -> str:
 
 
 def _replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
-    """Return a figure of one joint: tracking errors above, torques below, robot and simulations."""
     joint_type = result.joint_types[result.joints.index(series.joint)]
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
     chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)

@@ -188,7 +188,6 @@ def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
 
 
 def _servo_figure(series: ServoSeries, index: int) -> Figure:
-    """Return a figure of commanded, measured and simulated position, with the residual below."""
     residual = 1e3 * (series.measured - series.simulated)
     return over_time(
         f"servo-{index}",

@@ -51,30 +51,23 @@ def choose_cutoffs(
     """
     slowest = min(records, key=lambda record: record.rate)
     rate, name = slowest.rate, f" of {slowest.name}" if len(records) > 1 else ""
-    given_position, given_decimation = processing.position_cutoff, processing.decimation_cutoff
-    for key, value in (
-        ("position_cutoff", given_position),
-        ("decimation_cutoff", given_decimation),
-    ):
+    for key in ("position_cutoff", "decimation_cutoff"):
+        value = getattr(processing, key)
         if value is not None and value >= rate / 2.0:
             raise UsageError(
                 f"{source}: processing.{key} is {value:g} Hz, but at the {rate:g} samples per "
                 f"second{name} nothing above {rate / 2.0:g} Hz is recorded"
             )
     reasons: list[str] = []
-    position = given_position
+    position, decimation = processing.position_cutoff, processing.decimation_cutoff
     if position is None:
         bandwidth = max(motion_bandwidth(record.position, record.rate) for record in records)
-        position = min(max(bandwidth, _LEAST_CUTOFF), _HIGHEST_CUTOFF * rate / 2.0)
-        if given_decimation is not None:
-            position = max(position, given_decimation / DECIMATION_SHARE)
-            position = min(position, _HIGHEST_CUTOFF * rate / 2.0)
-        position = float(f"{position:.2g}")
+        wanted = max(bandwidth, _LEAST_CUTOFF, (decimation or 0.0) / DECIMATION_SHARE)
+        position = float(f"{min(wanted, _HIGHEST_CUTOFF * rate / 2.0):.2g}")
         reasons.append(
             f"position cut-off {position:g} Hz proposed: the measured motion stands above the "
             f"position noise up to {bandwidth:.3g} Hz"
         )
-    decimation = given_decimation
     if decimation is None:
         decimation = float(f"{DECIMATION_SHARE * position:.3g}")
         reasons.append(

@@ -97,14 +97,17 @@ class Bag:
         source = self.sources.get(path)
         if source is not None and path.suffix.lower() == ".mcap":
             return McapFile(path, source=source)
-        local = path if source is None else _copy(path, source, stack)
+        local = path
+        if source is not None:  # a database, or compressed as a whole: it cannot be read in parts
+            local = _temporary(stack) / path.name
+            with opened(source) as content, local.open("wb") as target:
+                shutil.copyfileobj(content, target)
         whole = _decompress(local, stack) if local.suffix.lower() == ".zstd" else local
         if whole.suffix.lower() == ".mcap":
             return McapFile(whole, source=LocalFile(whole))
         return SqliteFile(whole)
 
     def _count_missing(self, wanted: set[str]) -> None:
-        """Count missing messages against metadata.yaml, if that has counts."""
         counts = _counts(self.path)
         if any(counts.get(topic, 0) < self.seen[topic] for topic in self.seen):
             return
@@ -157,7 +160,6 @@ def is_bag_file(name: str) -> bool:
 
 
 def _listed_files(folder: Path) -> list[Path]:
-    """Return the existing files that metadata.yaml lists, in its order."""
     information = _information(folder)
     if str(information.get("compression_mode", "")).lower() == "message":
         raise DataError(
@@ -203,14 +205,6 @@ def _temporary(stack: ExitStack) -> Path:
     stack.enter_context(folder)
     stack.enter_context(undone_if_interrupted(folder.cleanup))
     return Path(folder.name)
-
-
-def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
-    """Copy a remote file that cannot be read in parts (a database, or compressed as a whole)."""
-    out = _temporary(stack) / path.name
-    with opened(source) as content, out.open("wb") as target:
-        shutil.copyfileobj(content, target)
-    return out
 
 
 def _decompress(path: Path, stack: ExitStack) -> Path:

@@ -349,7 +349,6 @@ class McapFile(BagFile):
         return {channel: np.array(starts) for channel, starts in places.items()}
 
     def _count_missing(self, counts: dict[int, int], wanted: set[str]) -> None:
-        """Count missing messages against the summary's counts."""
         self.missing.clear()
         self.counted = True
         for channel, topic in self._channels.items():

@@ -61,21 +61,17 @@ class SqliteFile(BagFile):
                 numbers[number] = name.decode(errors="replace")
                 kind = message_type.decode(errors="replace")
                 note_type(self.topics, numbers[number], kind)
-        self._define(connection)
-        return numbers
-
-    def _define(self, connection: sqlite3.Connection) -> None:
-        """Read the definitions of message types, if the database has them."""
         columns = ("topic_type", "encoding", "encoded_message_definition")
         try:
             self._require_table(connection, "message_definitions", set(columns))
-        except DataError:
-            return
+        except DataError:  # of before Iron
+            return numbers
         query = f"SELECT {', '.join(columns)} FROM message_definitions LIMIT {_TOPICS}"
         for row in connection.execute(query):
             if all(isinstance(cell, bytes) for cell in row):
                 name, encoding, text = (part.decode(errors="replace") for part in row)
                 self.definitions[name] = SchemaText(encoding, text)
+        return numbers
 
     def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
         """Refuse views, virtual tables and computed columns, whose queries may never end."""

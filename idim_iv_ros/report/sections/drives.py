@@ -204,14 +204,12 @@ def _residual_figure(result: GapResult, series: GapSeries) -> Figure:
 
 
 def _suffix(place: int) -> str:
-    """Return the suffix of plotly's name for the axis with that number from 0."""
     return "" if place == 0 else str(place + 1)
 
 
 def _panels(
     series: GapSeries, torque_unit: str, position_unit: str
 ) -> list[tuple[FloatArray, dict[str, Any]]]:
-    """Return the columns of panels: abscissa as drawn (stretched), and its axis."""
     since = np.log10(np.maximum(series.since_reversal, _SHORTEST))
     low, high = np.percentile(since, [1.0, 100.0])
     ticks = list(range(int(np.ceil(low)), int(np.floor(high)) + 1))

@@ -22,7 +22,6 @@ _HEIGHT = 230
 
 
 def _acf(result: IdentificationResult, residual: JointResidual) -> Figure:
-    """Return a figure of the autocorrelation before and after whitening, with its bounds."""
     rate = result.processing.row_rate
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:

@@ -103,7 +103,6 @@ def _project(point: FloatArray) -> FloatArray:
 
 
 def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
-    """Return variables of the template with the drawing of the robot."""
     return {"robot": _robot(report), "missing": report.nominal.missing, **context}
 
 
