@@ -29,7 +29,6 @@ from idim_iv_ros.recording.request import (
     Request,
     in_bag,
     prismatic_joints,
-    reference_advice,
     unused_references,
 )
 from idim_iv_ros.recording.wraps import without_wraps
@@ -292,7 +291,9 @@ def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
         return f"{path}: {'nothing can be read of it' if bag.damages else 'the bag is empty'}"
     advice = ""
     if topic == request.reference and not bag.damages:
-        advice = reference_advice(bag, list(request.fields), request.joints)
+        advice = "; name that of the reference in signals.reference, or leave it out"
+        for first in unused_references(bag, list(request.fields), request.joints)[:1]:
+            advice = f"; if the reference is on {first}, write `reference: {first}` under signals"
     usable = [name for name, kind in bag.topics.items() if may_hold_joints(kind)]
     if topic_of(topic) in bag.topics:
         return f"{path}: no message on {topic}{advice}"

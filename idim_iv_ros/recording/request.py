@@ -239,15 +239,6 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
     return tuple(sorted(references, key=likely))
 
 
-def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
-    """Return advice on which topic to give as the reference, to append to an error."""
-    references = unused_references(bag, used, joints)
-    if references:
-        first = references[0]
-        return f"; if the reference is on {first}, write `reference: {first}` under signals"
-    return "; name that of the reference in signals.reference, or leave it out"
-
-
 def sounds_like_reference(topic: str) -> bool:
     """Return whether a topic's name has a word for references: ``/arm/joint_commands``."""
     return any(word.removesuffix("s") in _WORDS for word in re.split(r"[^a-z]+", topic.lower()))

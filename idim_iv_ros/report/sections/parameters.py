@@ -6,7 +6,6 @@ a key of the configuration. Of the others only the sum is known.
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,26 +105,25 @@ class ChangedValue:
 
 def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
     """Return all base parameters, those with an element or a key first, in order of joints."""
-    return sorted(_values(result, nominal), key=lambda row: not row.key)
-
-
-def _values(result: Result, nominal: Nominal) -> Iterator[ChangedValue]:
-    """Yield all base parameters of a result with their given values."""
-    if not isinstance(result, GapResult):
+    rows = []
+    if isinstance(result, GapResult):
+        expressions: dict[str, str] = {}
+        given: dict[str, float] = {}
+        if nominal.model is not None:
+            base = nominal.model.base
+            expressions = dict(zip(base.names, base.expressions, strict=True))
+            if any(stage.name == "given" for stage in result.stages):
+                given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
+        for name, by in result.extended_parameters.items():
+            words, key = _place(name, expressions.get(name, ""), result.joints, nominal)
+            numbers = given.get(name), by.value, by.std
+            rows.append(ChangedValue(name, words, key, *numbers, by.unit))
+    else:
         for p in result.parameters:
             words, key = _place(p.name, p.expression, result.joints, nominal)
-            yield ChangedValue(p.name, words, key, p.given_value, p.value, p.std, p.unit)
-        return
-    expressions: dict[str, str] = {}
-    given: dict[str, float] = {}
-    if nominal.model is not None:
-        base = nominal.model.base
-        expressions = dict(zip(base.names, base.expressions, strict=True))
-        if any(stage.name == "given" for stage in result.stages):
-            given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
-    for name, by in result.extended_parameters.items():
-        words, key = _place(name, expressions.get(name, ""), result.joints, nominal)
-        yield ChangedValue(name, words, key, given.get(name), by.value, by.std, by.unit)
+            numbers = p.given_value, p.value, p.std
+            rows.append(ChangedValue(p.name, words, key, *numbers, p.unit))
+    return sorted(rows, key=lambda row: not row.key)
 
 
 def _place(

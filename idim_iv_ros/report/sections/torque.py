@@ -66,11 +66,8 @@ def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
     for series, residual in zip(result.series, result.residuals, strict=True):
         size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
         words = f"residual {percent(residual.relative_percent)}, rms {size}"
-        time, measured, predicted = map(
-            np.asarray, (series.time, series.measured, series.predicted)
-        )
-        models = [("predicted", predicted, BLUE)]
-        rows.append(_Joint(series.joint, time, measured, models, words, None))
+        models = [("predicted", series.predicted, BLUE)]
+        rows.append(_Joint(series.joint, series.time, series.measured, models, words, None))
     return rows
 
 
