@@ -18,7 +18,7 @@ from benchmarks.paper_tx40.experiment import (
 )
 from benchmarks.paper_tx40.published import TABLE_1, TABLE_2, TABLE_3
 from idim_iv_ros import IdentificationResult
-from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, Figure, axis, layout, line, typed
+from idim_iv_ros.report.figures import BLUE, INK, ORANGE, SHADE, Figure, axis, line, typed
 from idim_iv_ros.report.numerals import fixed, number
 from idim_iv_ros.report.page import environment, page_html
 
@@ -176,7 +176,7 @@ def _acf(result: IdentificationResult, name: str) -> Figure:
     }
     axes = {"xaxis": axis("Lag, rows"), "yaxis": axis("Autocorrelation", range=[-0.4, 1.05])}
     words = f"Autocorrelation of the residuals, {name}"
-    look = layout(axes, shapes=[band], showlegend=True)
+    look = {**axes, "shapes": [band], "showlegend": True}
     return Figure(f"acf-{name}", _HEIGHT, words, data, look)
 
 
@@ -197,5 +197,5 @@ def _histogram(residual: np.ndarray, name: str) -> Figure:
         "xaxis": axis("Residual over its standard deviation, all joints"),
         "yaxis": axis("Density", zerolinecolor=INK),
     }
-    look = layout(axes, bargap=0.05, showlegend=True)
+    look = {**axes, "bargap": 0.05, "showlegend": True}
     return Figure(f"histogram-{name}", _HEIGHT, f"Histogram, {name}", [bars, gaussian], look)

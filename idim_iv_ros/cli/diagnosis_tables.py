@@ -12,6 +12,7 @@ from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.errors import first_of
 from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline, difference_rows
 from idim_iv_ros.report.gap_words import (
+    contrast_badge,
     effect_at,
     effect_words,
     hint_words,
@@ -23,7 +24,6 @@ from idim_iv_ros.report.gap_words import (
     verdict_of,
 )
 from idim_iv_ros.report.numerals import MISSING, measured, number, plural, with_unit
-from idim_iv_ros.report.sections.causes import contrast_badge
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 # Columns of the tables.

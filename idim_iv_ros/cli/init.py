@@ -38,7 +38,7 @@ def init_command(
 
     Example: idim-iv init run1.mcap --urdf ur5.urdf --out ur5.yaml
     """
-    from idim_iv_ros.recording.table_map import SUFFIXES as TABLES
+    from idim_iv_ros.recording.table import SUFFIXES as TABLES
     from idim_iv_ros.signal_source import NO_EFFORT
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -85,7 +85,7 @@ def init_command(
 
 def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
     """Write the proposed map of a table, and print the next command."""
-    from idim_iv_ros.recording.table_map import proposed_map
+    from idim_iv_ros.recording.table import proposed_map
 
     require_file_place([out], force=force)
     text = proposed_map(table)

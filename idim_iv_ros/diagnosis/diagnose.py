@@ -44,8 +44,7 @@ from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths, as_paths
-from idim_iv_ros.identification.assembly import software_versions
-from idim_iv_ros.identification.identify import consistent_parameters
+from idim_iv_ros.identification.identify import consistent_parameters, software_versions
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
 from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.model import kinematics_digest

@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure
+from idim_iv_ros.estimation.instruments import (
+    Instruments,
+    InstrumentSource,
+    SourceFailure,
+    Start,
+)
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
     refined_covariance,
@@ -26,19 +31,6 @@ from idim_iv_ros.types import FloatArray
 _LARGEST_DEVIATION = 0.3
 # Of their size, within which given values are taken as right where an estimate cannot be simulated.
 _SPREADS = (1.0, 0.3, 0.1, 0.03, 0.01)
-
-
-@dataclass(frozen=True)
-class Start:
-    """Base parameters (b,) of a possible first simulation.
-
-    `spread` (b,): size of each given value, infinite where none is given; None where the values
-    are not meant to be the robot's, so that its gains need not suit them.
-    """
-
-    name: str
-    values: FloatArray
-    spread: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -209,30 +201,19 @@ class _Iteration:
         return white_covariance(self.rows, linear.sigma, len(linear.values))
 
 
-@dataclass(frozen=True)
-class RefinedIdimIv:
-    """Refined estimate with its covariance.
-
-    `values` (b,); `covariance` (b, b); `models`: Ĉ(z⁻¹), fitted on the unfiltered IV residual.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    models: tuple[AutoregressiveModel, ...]
-
-
 def refined_idim_iv(
     rows: Sequence[JointRows], models: Sequence[AutoregressiveModel], parameters: int
-) -> RefinedIdimIv:
+) -> tuple[FloatArray, FloatArray]:
     """β̂ᶠ = (ZfᵀXf)⁻¹ Zfᵀyf and Σ = σ̂²(ZfᵀZf)⁻¹, with the filter and σ of every joint.
 
     With the observation matrices as instruments it is the refined IDIM-LS. The filtered rows of
-    a joint are reduced and forgotten.
+    a joint are reduced and forgotten. `models`: Ĉ(z⁻¹), fitted on the unfiltered IV residual.
+
+    Returns the estimate (b,) and its covariance (b, b).
     """
     filtered = [joint.whitened(model).reduced for joint, model in zip(rows, models, strict=True)]
     sigma = np.sqrt([max(model.innovation_variance, 1e-300) for model in models])
     for _ in range(2):
         linear = solve_instrumental_variables(filtered, parameters, sigma)
         sigma = linear.sigma
-    covariance = refined_covariance(filtered, sigma, parameters)
-    return RefinedIdimIv(linear.values, covariance, tuple(models))
+    return linear.values, refined_covariance(filtered, sigma, parameters)

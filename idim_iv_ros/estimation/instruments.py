@@ -1,21 +1,31 @@
-"""Where the instruments come from: a simulated closed loop, or what replaces it.
+"""Where the instruments come from: a simulated closed loop, or what a recording allows instead.
 
 Equation 8 asks for a simulation with the same references and the same control law. Where the
-references or the law are missing, `sources` says what takes their place at what cost.
+references or the law are missing, other motions take their place at a cost that is said.
 """
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
 
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.observation import States, instrument_rows
-from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Motion
-from idim_iv_ros.simulation import ControlLaw, inverse_dynamics, joint_inertia
+from idim_iv_ros.model import InverseModel, RobotModel
+from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
+from idim_iv_ros.simulation import (
+    ControlLaw,
+    ControllerFit,
+    control_law,
+    control_period,
+    filter_reference,
+    fit_controller,
+    inverse_dynamics,
+    joint_inertia,
+)
 from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray
 
@@ -25,6 +35,8 @@ _SAME_INERTIA = 0.25
 _DRAWS = 6
 _THREADS = 2
 _SEED = 1948
+# A fitted control law that explains less of the torque than this is not simulated.
+LEAST_R_SQUARED = 0.9
 
 
 class SourceFailure(Exception):
@@ -78,7 +90,10 @@ class SimulatedLoop:
         The simulated positions go through the position filter of the regressor, so that X and Z
         differ by noise and by the model, not by the filter.
         """
-        scale = self._gain_scale(values, reference_values)
+        simulated, actual = map(self._joint_inertia, (values, reference_values))
+        usable = (simulated > 0.0) & (actual > 0.0)
+        ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
+        scale = np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
         note = ""
         if not np.allclose(scale, 1.0):
             note = "gains scaled by " + ", ".join(f"{factor:.3g}" for factor in scale)
@@ -100,14 +115,23 @@ class SimulatedLoop:
         """
         random = np.random.default_rng(_SEED)
         root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
-        no_scale = np.ones(len(self.motions[0].position[0]))
         drawn = values + random.standard_normal((_DRAWS, len(values))) @ root.T
+        predicting = self.model.dynamic_parameters(values)
+        no_scale = np.ones(len(self.motions[0].position[0]))
 
         def predictions(at: FloatArray) -> list[FloatArray] | None:
+            """Torque rows of each joint, at `values`, on the motion simulated `at` others."""
             try:
-                return self._predictions(at, values, no_scale)
+                positions = self._positions(at, no_scale)
             except SourceFailure:
                 return None
+            parts = []
+            for position, motion in zip(positions, self.motions, strict=True):
+                states = motion.derivatives_of(position, 0, motion.span.stop - motion.span.start)
+                torque = inverse_dynamics(self.model.robot, predicting, *states)
+                decimated = motion.decimation.whole(torque)
+                parts.append([decimated[kept, j] for j, kept in enumerate(motion.kept.T)])
+            return [np.concatenate(joint) for joint in zip(*parts, strict=True)]
 
         with ThreadPoolExecutor(_THREADS) as pool:  # the compiled simulation frees the lock
             nominal, *moved = pool.map(predictions, [values, *drawn])
@@ -131,22 +155,7 @@ class SimulatedLoop:
             return 0.0
         return float(np.sqrt(np.max(stiffness[usable] / inertia[usable]))) / (2.0 * np.pi)
 
-    def _predictions(
-        self, values: FloatArray, predicting: FloatArray, scale: FloatArray
-    ) -> list[FloatArray]:
-        """Torque rows of each joint, with `predicting`, on the motion simulated at `values`."""
-        parameters = self.model.dynamic_parameters(predicting)
-        parts = []
-        for position, motion in zip(self._positions(values, scale), self.motions, strict=True):
-            samples = motion.span.stop - motion.span.start
-            states = motion.derivatives_of(position, 0, samples)
-            torque = inverse_dynamics(self.model.robot, parameters, *states)
-            decimated = motion.decimation.whole(torque)
-            parts.append([decimated[kept, j] for j, kept in enumerate(motion.kept.T)])
-        return [np.concatenate(joint) for joint in zip(*parts, strict=True)]
-
     def _positions(self, values: FloatArray, scale: FloatArray) -> list[FloatArray]:
-        """Simulated and filtered positions of every recording."""
         parameters = self.model.dynamic_parameters(values)
         positions = []
         for motion, law in zip(self.motions, self.laws, strict=True):
@@ -163,14 +172,6 @@ class SimulatedLoop:
         parameters = self.model.dynamic_parameters(values)
         return joint_inertia(self.model.robot, parameters, self.motions[0].position)
 
-    def _gain_scale(self, values: FloatArray, reference_values: FloatArray) -> FloatArray:
-        """J_j(values) / J_j(robot), 1 where they are close."""
-        simulated = self._joint_inertia(values)
-        actual = self._joint_inertia(reference_values)
-        usable = (simulated > 0.0) & (actual > 0.0)
-        ratio = np.where(usable, simulated / np.where(usable, actual, 1.0), 1.0)
-        return np.where(np.abs(ratio - 1.0) > _SAME_INERTIA, ratio, 1.0)
-
 
 @dataclass(frozen=True)
 class FixedMotion:
@@ -182,22 +183,19 @@ class FixedMotion:
 
     model: InverseModel
     motions: tuple[Motion, ...]
-    make: Callable[[Sequence[Motion]], tuple[list[FloatArray], str]]
+    make: Callable[[], tuple[list[FloatArray], str]]
     untestable: str
 
     iterative: ClassVar[bool] = False
 
     @cached_property
     def _made(self) -> tuple[list[FloatArray], str]:
-        return self.make(self.motions)
+        return self.make()
 
     @property
     def name(self) -> str:
         """Which positions the instruments are made of, in words for the report."""
         return self._made[1]
-
-    def prediction_errors(self, values: FloatArray, covariance: FloatArray) -> None:
-        """None: nothing is simulated at the parameters."""
 
     def instruments(self, values: FloatArray, reference_values: FloatArray) -> Instruments:
         """Instruments from the differentiated positions, the same at any parameters."""
@@ -207,3 +205,162 @@ class FixedMotion:
 # `untestable`: why tests of the instruments mean nothing; None where they mean something.
 # `iterative`: whether the instruments depend on the parameters.
 InstrumentSource = SimulatedLoop | FixedMotion
+
+
+@dataclass(frozen=True)
+class Start:
+    """Base parameters (b,) of a possible first simulation.
+
+    `spread` (b,): size of each given value, infinite where none is given; None where the values
+    are not meant to be the robot's, so that its gains need not suit them.
+    """
+
+    name: str
+    values: FloatArray
+    spread: FloatArray | None
+
+
+def _filtered_references(
+    robot: RobotModel, motions: Sequence[Motion]
+) -> tuple[list[FloatArray], str]:
+    """References through a fitted closed-loop filter, and how closely they follow the motion."""
+    filters = [
+        filter_reference(motion.signals.rate, motion.position, motion.signals.position_reference)
+        for motion in motions
+        if motion.signals.position_reference is not None
+    ]
+    positions, missed, moved = zip(*filters, strict=True)
+    errors, spreads = np.max(missed, axis=0), np.max(moved, axis=0)
+    joints = ", ".join(
+        f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
+        + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
+        for name, kind, error, spread in zip(
+            robot.joints, robot.joint_types, errors, spreads, strict=True
+        )
+    )
+    return list(positions), (
+        "reference through a fitted closed-loop filter, which misses the recorded motion where "
+        f"it was not fitted by (rms, and share of the motion's standard deviation): {joints}"
+    )
+
+
+def _smoothed_measurements(
+    cutoff: float, motions: Sequence[Motion]
+) -> tuple[list[FloatArray], str]:
+    """Positions smoothed harder than the regressor's.
+
+    Noise below the cut-off stays in both X and Z: it is not averaged out, so that the estimate
+    keeps the bias of least squares in that band, and Π = I says nothing.
+    """
+    return [
+        zero_phase_butterworth(motion.position, rate=motion.signals.rate, cutoff=cutoff, order=4)
+        for motion in motions
+    ], f"measured positions smoothed at {cutoff:.3g} Hz"
+
+
+@dataclass(frozen=True)
+class InstrumentSources:
+    """Sources in the order in which they are tried, and where the iteration may start.
+
+    `controller`: what is known of the control law, one sentence each; `fits`: one for each motion
+    where the law is unknown.
+    """
+
+    sources: tuple[InstrumentSource, ...]
+    starts: tuple[Start, ...]
+    controller: tuple[str, ...]
+    fits: tuple[ControllerFit, ...] = ()
+
+
+def instrument_sources(
+    configuration: Configuration, model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs
+) -> InstrumentSources:
+    """List the sources of instruments that the configuration and the recordings allow."""
+    sources: list[InstrumentSource] = []
+    fits: tuple[ControllerFit, ...] = ()
+    missing = [m.signals.name for m in motions if m.signals.position_reference is None]
+    if not missing:
+        law, fits, sentences = _laws(configuration, motions)
+        if law is not None:
+            configured = configuration.controller.type != "unknown"
+            how = "configured" if configured else "fitted"
+            name = f"closed-loop simulation with the {how} control law"
+            sources.append(SimulatedLoop(model, tuple(motions), law, name))
+        untestable = (
+            "the instruments come from a filter that was fitted to the measured motion: it follows "
+            "the robot whatever the dynamic model is"
+        )
+        make = partial(_filtered_references, model.robot, motions)
+        sources.append(FixedMotion(model, tuple(motions), make, untestable))
+    else:
+        sentences = [
+            f"no reference is read from {', '.join(missing)}: the closed loop cannot be simulated, "
+            "so that the instruments are smoothed measurements. Noise of the positions below the "
+            "smoothing frequency is not averaged out, and the instruments cannot be tested"
+        ]
+    cutoff = cutoffs.decimation / 2.0
+    untestable = (
+        "the instruments are smoothed measurements, not a simulation: the noise below "
+        f"{cutoff:.3g} Hz is in both"
+    )
+    smooth = partial(_smoothed_measurements, cutoff, motions)
+    sources.append(FixedMotion(model, tuple(motions), smooth, untestable))
+    return InstrumentSources(tuple(sources), _starts(configuration, model), tuple(sentences), fits)
+
+
+def _starts(configuration: Configuration, model: InverseModel) -> tuple[Start, ...]:
+    """Values with which the iteration may begin: the nominal ones, if usable, then regular ones."""
+    regular = Start("the regular start", model.regular, spread=None)
+    usable = model.robot.has_inertials and configuration.signals.effort_unit == "N m"
+    if configuration.identification.start == "regular" or not usable:
+        return (regular,)
+    # A servo's law has no damping of its own: without the friction its loop would run away.
+    servo = configuration.signals.effort_topic is None
+    values = model.given if servo else model.given_without_friction
+    given = Start("the given values", values, _sizes(model))
+    return (given, regular)
+
+
+def _sizes(model: InverseModel) -> FloatArray:
+    """Size of each given value (b,): its own and the median of its unit; infinite for friction."""
+    values = np.abs(model.given_without_friction)
+    units = np.array(model.base.units)
+    sizes = np.full(len(values), np.inf)
+    for unit in set(model.base.units):
+        of_unit = values[units == unit]
+        if of_unit.any():
+            sizes[units == unit] = of_unit + np.median(of_unit[of_unit > 0.0])
+    return sizes
+
+
+def _laws(
+    configuration: Configuration, motions: Sequence[Motion]
+) -> tuple[tuple[ControlLaw, ...] | None, tuple[ControllerFit, ...], list[str]]:
+    section = configuration.controller
+    joints = configuration.robot.joints
+    if section.type != "unknown":
+        law = control_law(section, len(joints))
+        law = replace(law, period=control_period(section, (m.signals.rate for m in motions)))
+        return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
+    fits = tuple(
+        fit_controller(motion.signals, torque_limit=section.torque_limit) for motion in motions
+    )
+    sentences = [
+        f"{name}{f' in {motion.signals.name}' if len(motions) > 1 else ''}: {fit.describe(joint)}"
+        for fit, motion in zip(fits, motions, strict=True)
+        for joint, name in enumerate(joints)
+    ]
+    worst = min(float(fit.r_squared.min()) for fit in fits)
+    if worst < LEAST_R_SQUARED:
+        why = (
+            f"the fitted control law explains only R² = {worst:.2f} of a joint's torque, less than "
+            f"{LEAST_R_SQUARED:g}: the loop is not simulated with it"
+        )
+        return None, fits, [*sentences, why]
+    pairs = zip(fits, motions, strict=True)
+    try:
+        laws = tuple(fit.law(motion.signals, section.torque_limit) for fit, motion in pairs)
+    except ValueError as error:
+        why = f"the loop is not simulated with the fitted control law: {error}"
+        return None, fits, [*sentences, why]
+    return laws, fits, sentences

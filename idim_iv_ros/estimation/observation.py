@@ -51,14 +51,14 @@ def torque_rows(motion: Motion) -> list[FloatArray]:
 def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[JointRows, ...]:
     """Regressor of the measured motion and measured torque, decimated in parallel."""
     matrices = instrument_rows(model, motions, [motion.derivatives for motion in motions])
-    torques = [torque_rows(motion) for motion in motions]
+    torques = zip(*map(torque_rows, motions), strict=True)
     rows = []
-    for joint, matrix in enumerate(matrices):
+    for joint, (matrix, torque) in enumerate(zip(matrices, torques, strict=True)):
         position = _grid([motion.kept[:, joint] for motion in motions])
         rows.append(
             JointRows(
                 matrix=matrix,
-                torque=np.concatenate([torque[joint] for torque in torques]),
+                torque=np.concatenate(torque),
                 columns=np.flatnonzero(model.base.active[joint]),
                 segments=_segments(position),
                 name=model.robot.joints[joint],

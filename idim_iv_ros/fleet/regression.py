@@ -14,8 +14,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import r_factor, stacked_r_factor
 from idim_iv_ros.fleet.result import JointNoise
 from idim_iv_ros.fleet.source import iso_time
-from idim_iv_ros.identification.assembly import Identified, assemble_result
-from idim_iv_ros.identification.identify import identified
+from idim_iv_ros.identification.identify import Identified, assemble_result, identified
 from idim_iv_ros.identification.prepare import loss_sentences
 from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.progress import Stopwatch
@@ -87,7 +86,7 @@ def whitened_r_factor(identification: Identified) -> FloatArray:
     The whitened residual has unit variance, so that stacked rows of different joints and bags have
     the right weight. The diagonal is not negative, so that equal rows have equal factors.
     """
-    rows, models = identification.rows, identification.refined.models
+    rows, models = identification.rows, identification.validation.models
     width = len(identification.prepared.model.base.columns) + 1
     factors = [
         joint.standardized_r_factor(model) for joint, model in zip(rows, models, strict=True)

@@ -122,7 +122,15 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
             for contradiction in prepared.joint_findings
             if contradiction.joint == joint
         ]
-    findings += _link_findings(prepared)
+    topic = prepared.configuration.signals.link_states
+    if topic is not None:
+        robot = prepared.model.robot
+        behind = [
+            Finding(robot.joints[finding.joint], finding.level, finding.sentence)
+            for finding in link_findings(prepared.motions, robot.joint_types)
+        ]
+        sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
+        findings += behind or [Finding(topic, "limited", sentence)]
     parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
@@ -160,28 +168,24 @@ def _findings(where: str, good: Sequence[str], limited: Sequence[str]) -> list[F
 
 
 def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
-    names = [motion.signals.name for motion in prepared.motions]
-    missing = [
-        name
-        for name, motion in zip(names, prepared.motions, strict=True)
-        if motion.signals.position_reference is None
-    ]
+    signals = [motion.signals for motion in prepared.motions]
+    missing = [of.name for of in signals if of.position_reference is None]
     if missing:
         sentence = (
             "no reference is read: the loop cannot be simulated, instruments will be smoothed "
             "measurements and cannot be tested"
         )
         return _findings(", ".join(missing), [], [sentence, *prepared.advice])
-    findings = list(map(_reference_source, prepared.recordings, names))
+    findings = list(map(_reference_source, prepared.recordings))
     if prepared.configuration.controller.type == "unknown":
         sentence = "control law unknown: it will be fitted from reference, motion and torque"
         findings.append(Finding("controller", "limited", sentence))
     return findings
 
 
-def _reference_source(recording: Recording, name: str) -> Finding:
-    """Say where the reference comes from, and at which rate."""
+def _reference_source(recording: Recording) -> Finding:
     assert recording.position_reference is not None
+    name = recording.path.name
     source, _, field = recording.position_reference.origin.rpartition(" ")
     sentence = f"the reference is {field} of {topic_of(source)}"
     rates = [clock.rate for clock in recording.clocks if clock.topic == source]
@@ -241,20 +245,6 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
     return _findings(name, [moves], limited)
 
 
-def _link_findings(prepared: PreparedRegression) -> list[Finding]:
-    """Say what encoders behind the gears hold, where the configuration names their topic."""
-    topic = prepared.configuration.signals.link_states
-    if topic is None:
-        return []
-    robot = prepared.model.robot
-    findings = [
-        Finding(robot.joints[finding.joint], finding.level, finding.sentence)
-        for finding in link_findings(prepared.motions, robot.joint_types)
-    ]
-    sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
-    return findings or [Finding(topic, "limited", sentence)]
-
-
 def count_reversals(speed: FloatArray, threshold: float) -> int:
     """Count changes of direction between stretches that are faster than a threshold.
 
@@ -274,10 +264,11 @@ def _noise(prepared: PreparedRegression, joint: int, *, order: int) -> float:
 
     The noise of the positions is taken as white, with the variance of what the filter removed.
     """
-    densities = []
-    for motion in prepared.motions:
-        removed = motion.signals.position[motion.span, joint] - motion.position[motion.span, joint]
-        densities.append(float(np.var(removed)) / (motion.signals.rate / 2.0))
+    densities = [
+        np.var(motion.signals.position[motion.span, joint] - motion.position[motion.span, joint])
+        / (motion.signals.rate / 2.0)
+        for motion in prepared.motions
+    ]
     slowest = min(motion.signals.rate for motion in prepared.motions)
     cutoffs = prepared.cutoffs
     cutoff = min(cutoffs.position, slowest / 2.0) if order == 1 else cutoffs.decimation
@@ -308,11 +299,9 @@ def _visibility(
 def _parameter(
     base: BaseParameters, place: int, std: float | None, size: float
 ) -> ParameterVisibility:
-    relative, smallest, seen = None, None, "no"
-    if std is not None:
-        relative = 100.0 * std / max(size, 1e-300)
-        smallest = 2.0 * std
-        seen = "well" if relative <= _WELL_SEEN else "yes" if relative <= _SEEN else "poorly"
-    return ParameterVisibility(
-        base.names[place], base.expressions[place], base.units[place], smallest, relative, seen
-    )
+    words = base.names[place], base.expressions[place], base.units[place]
+    if std is None:
+        return ParameterVisibility(*words, None, None, "no")
+    relative = 100.0 * std / max(size, 1e-300)
+    seen = "well" if relative <= _WELL_SEEN else "yes" if relative <= _SEEN else "poorly"
+    return ParameterVisibility(*words, 2.0 * std, relative, seen)

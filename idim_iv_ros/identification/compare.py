@@ -84,23 +84,23 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
     Raises UsageError: a file is no result, or they are of robots with other base parameters.
     """
     results = [IdentificationResult.read(path) for path in (first, second)]
-    by_name = [{parameter.name: parameter for parameter in result.parameters} for result in results]
-    shared = [name for name in by_name[0] if name in by_name[1]]
-    other = [name for name in shared if by_name[0][name].unit != by_name[1][name].unit]
+    before, now = ({parameter.name: parameter for parameter in of.parameters} for of in results)
+    shared = [name for name in before if name in now]
+    other = [name for name in shared if before[name].unit != now[name].unit]
     if not shared or other or results[0].joints != results[1].joints:
         why = f"{other[0]} has another unit" if other else "they have other joints or parameters"
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
     estimates, others = (
-        {name: (of[name].value, of[name].std) for name in shared} for of in by_name
+        {name: (of[name].value, of[name].std) for name in shared} for of in (before, now)
     )
     drifts = drifts_of(estimates, others, _LEVEL)
     pairs = [
         ParameterPair(
             name=drift.name,
-            unit=by_name[0][drift.name].unit,
-            expression=by_name[0][drift.name].expression,
+            unit=before[drift.name].unit,
+            expression=before[drift.name].expression,
             words=words_of_name(drift.name, results[0].joints),
             first=drift.before,
             first_std=drift.before_std,
@@ -117,6 +117,6 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         bags=tuple(tuple(bag.path for bag in result.bags) for result in results),
         pairs=tuple(sorted(pairs, key=lambda pair: -abs(pair.deviations))),
         limit=drifts[0].limit,
-        alone=tuple(sorted(set(by_name[0]) ^ set(by_name[1]))),
+        alone=tuple(sorted(set(before) ^ set(now))),
         configuration=results[1].configuration,
     )

@@ -15,7 +15,7 @@ from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
 from idim_iv_ros.simulation import inverse_dynamics
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _FRICTION = ("Fv", "Fc", "off", "Fvm", "Fcm")
 _MOST_ROWS = 1000
@@ -109,26 +109,45 @@ def effort_statistics(
     moving = model.joint_matrices(position, speed, acceleration)
     resting = model.joint_matrices(position, np.zeros_like(speed), np.zeros_like(speed))
     standard = model.regressor.layout.parameters
-    friction = np.array([standard[column].kind in _FRICTION for column in model.base.columns])
-    given = model.given
+    of_friction = np.array([standard[column].kind in _FRICTION for column in model.base.columns])
     statistics: list[EffortStatistics | None] = []
     for joint, columns in enumerate(active):
         if not enough[joint]:
             statistics.append(None)
             continue
         drive = [parameter.kind == "Ia" and parameter.joint == joint for parameter in standard]
-        of_drive = np.any(model.base.grouping[:, np.array(drive)] != 0.0, axis=1)
-        kept = counting[:, joint]
+        of_drive = np.any(model.base.grouping[:, np.array(drive)] != 0.0, axis=1)[columns]
+        kept, friction, given = counting[:, joint], of_friction[columns], model.given[columns]
+        rows, weight, torque = moving[joint][kept], resting[joint][kept], effort[kept, joint]
+        direction, constant = np.sign(speed[kept, joint]), np.ones(np.count_nonzero(kept))
+        dissipative = np.column_stack([direction, speed[kept, joint]])
+        lost = np.column_stack([rows[:, friction], dissipative, constant])
+        weight, bodies = weight[:, ~friction], rows[:, ~friction]
+        inertial = bodies - weight
+        static, everything = _span(weight, lost), _span(bodies, lost)
+        residual = _span(weight, lost, inertial).remove(torque)
+        slow = _span(weight, direction, constant).remove(torque)
+        # Of accelerations, and of what the noise of the positions makes of them.
+        energy, of_noise = (
+            float(np.mean(static.remove(part) ** 2))
+            for part in (inertial @ given[~friction], noise[kept, joint])
+        )
+        needed = bodies @ given[~friction]
+        peak = np.quantile(np.abs(_span(dissipative).remove(torque)), 1.0 - TAIL)
+        clear = of_noise < _MOST_NOISE * energy
         statistics.append(
-            _statistics(
-                moving[joint][kept],
-                resting[joint][kept],
-                given[columns],
-                friction[columns],
-                of_drive[columns],
-                speed[kept, joint],
-                effort[kept, joint],
-                noise[kept, joint],
+            EffortStatistics(
+                torque=_share(needed, _span(lost, rows[:, of_drive]), torque),
+                friction=_share(direction, _span(bodies, constant), torque),
+                peak=float(peak),
+                static_share=1.0 - float(np.mean(slow**2)) / max(float(np.var(torque)), 1e-300),
+                expected=float(np.sqrt(energy - of_noise)) if clear else 0.0,
+                shown=_rms(static.remove(torque) - residual),
+                residual=_rms(residual),
+                given_friction=_rms(rows[:, friction] @ given[friction]),
+                size=_rms(torque),
+                signed=_rms(everything.remove(torque)),
+                unsigned=_unsigned(everything, torque, (direction, np.sign(needed))),
             )
         )
     return tuple(statistics)
@@ -156,53 +175,6 @@ def _samples(motion: Motion, cutoff: float, stride: int) -> FloatArray:
         usual = np.clip(torque, *np.quantile(torque, [TAIL, 1.0 - TAIL]))
         made[6, :, joint] = filtered(usual)[span][places, 0]
     return made
-
-
-def _statistics(
-    moving: FloatArray,
-    weight: FloatArray,
-    given: FloatArray,
-    friction: BoolArray,
-    drive: BoolArray,
-    speed: FloatArray,
-    effort: FloatArray,
-    noise: FloatArray,
-) -> EffortStatistics:
-    """Statistics of one joint from its rows (r, c) of the moving and of the resting robot.
-
-    `given` (c,): nominal values; `friction`, `drive` (c,): columns of these; `noise` (r,): torque
-    that the noise of the positions makes.
-    """
-    bodies = ~friction
-    direction, constant = np.sign(speed), np.ones(len(effort))
-    dissipative = np.column_stack([direction, speed])
-    of_friction = np.column_stack([moving[:, friction], dissipative, constant])
-    weight, of_bodies = weight[:, bodies], moving[:, bodies]
-    inertial = of_bodies - weight
-    static = _span(weight, of_friction)
-    residual = _span(weight, of_friction, inertial).remove(effort)
-    everything = _span(of_bodies, of_friction)
-    slow = _span(weight, direction, constant).remove(effort)
-    energies = [
-        float(np.mean(static.remove(torque) ** 2)) for torque in (inertial @ given[bodies], noise)
-    ]
-    clear = energies[1] < _MOST_NOISE * energies[0]
-    needed = of_bodies @ given[bodies]
-    free = _span(of_friction, moving[:, drive])
-    peak = np.quantile(np.abs(_span(dissipative).remove(effort)), 1.0 - TAIL)
-    return EffortStatistics(
-        torque=_share(needed, free, effort),
-        friction=_share(direction, _span(of_bodies, constant), effort),
-        peak=float(peak),
-        static_share=1.0 - float(np.mean(slow**2)) / max(float(np.var(effort)), 1e-300),
-        expected=float(np.sqrt(energies[0] - energies[1])) if clear else 0.0,
-        shown=_rms(static.remove(effort) - residual),
-        residual=_rms(residual),
-        given_friction=_rms(moving[:, friction] @ given[friction]),
-        size=_rms(effort),
-        signed=_rms(everything.remove(effort)),
-        unsigned=_unsigned(everything, effort, (direction, np.sign(needed))),
-    )
 
 
 def _span(*columns: FloatArray) -> Basis:

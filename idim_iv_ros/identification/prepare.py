@@ -9,8 +9,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.least_squares import unseen_parameters
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import FilePaths
-from idim_iv_ros.identification.references import repeats_motion
-from idim_iv_ros.identification.sanity import JointFinding, joint_findings
+from idim_iv_ros.identification.sanity import JointFinding, joint_findings, repeats_motion
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.read import read_requested
@@ -18,7 +17,6 @@ from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.recording.request import Request
 from idim_iv_ros.signals import (
     Cutoffs,
-    JointSignals,
     Motion,
     choose_cutoffs,
     filter_motion,
@@ -127,14 +125,24 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     recordings = session.recordings
     urdf, source = description_text(configuration, recordings)
     model = build_inverse_model(configuration, urdf, source)
-    _require_locked(recordings, model.robot.carriers)
+    for recording in recordings:
+        for name in model.robot.carriers:
+            low, high = recording.other_positions.get(name, (0.0, 0.0))
+            if high - low > _LOCKED:
+                raise DataError(
+                    f"{recording.path.name}: {name} carries other joints and moves from "
+                    f"{low:.3g} to {high:.3g}, and robot.joints leaves it out, which locks it: "
+                    "add it to robot.joints, or record with it at rest"
+                )
     records = [joint_side(recording, configuration) for recording in recordings]
-    measured = configuration.signals.effort_topic is not None
-    with_repeats = [(one, measured and _repeats_motion(one)) for one in records]
-    records = [
-        replace(one, position_reference=None, velocity_reference=None) if repeats else one
-        for one, repeats in with_repeats
-    ]
+    repeating = []
+    for place, record in enumerate(records):
+        reference = record.position_reference
+        if reference is None or configuration.signals.effort_topic is None:
+            continue
+        if repeats_motion(record.position, reference):
+            repeating.append(f"{record.name}: {_REPEATED}")
+            records[place] = replace(record, position_reference=None, velocity_reference=None)
     source = str(configuration.source or "the configuration")
     cutoffs = choose_cutoffs(configuration.processing, records, source)
     couplings = model.regressor.layout.coupling_joints
@@ -151,32 +159,13 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
         still=still,
         reasons=(
             *session.sentences,
-            *(f"{one.name}: {_REPEATED}" for one, repeats in with_repeats if repeats),
+            *repeating,
             *cutoffs.reasons,
             *reasons,
             *loss_sentences(recordings),
         ),
         advice=_advice(recordings, configuration),
     )
-
-
-def _require_locked(recordings: Sequence[Recording], carriers: Sequence[str]) -> None:
-    """Refuse recordings in which a joint moves that carries others and that the model locks."""
-    for recording in recordings:
-        for name in carriers:
-            low, high = recording.other_positions.get(name, (0.0, 0.0))
-            if high - low > _LOCKED:
-                raise DataError(
-                    f"{recording.path.name}: {name} carries other joints and moves from "
-                    f"{low:.3g} to {high:.3g}, and robot.joints leaves it out, which locks it: "
-                    "add it to robot.joints, or record with it at rest"
-                )
-
-
-def _repeats_motion(signals: JointSignals) -> bool:
-    """Whether the references of a recording are its measured positions."""
-    reference = signals.position_reference
-    return reference is not None and repeats_motion(signals.position, reference)
 
 
 def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tuple[str, ...]:

@@ -17,11 +17,11 @@ from idim_iv_ros.identification.effort_statistics import (
     EffortStatistics,
     effort_statistics,
 )
-from idim_iv_ros.identification.references import wrong_references
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.signals import Cutoffs, Motion
 from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.types import FloatArray
 
 Level = Literal["good", "limited", "unusable"]
 
@@ -45,6 +45,13 @@ _ANOTHER_RATIO = 0.1
 _STANDS_STILL = 0.01  # of the motor's motion
 _STATES = 200  # of a recording, that show how much of a torque depends on other joints
 _SPOILT = 0.05  # of a torque, from which on it does
+_RESTING = 1e-3  # rad (m) of standard deviation, below which nothing follows anything
+_MOVES = 0.05  # of the largest, from which on a reference is judged
+_SAME_MOTION = 0.9  # correlation, from which on a factor between two motions is one of units
+_ANOTHER_MOTION = 0.2  # correlation, below which a joint does not follow its reference
+_FACTOR = 10.0  # beyond what a soft loop makes
+_REPEATED = 1e-4  # of a motion: no loop follows its reference so closely
+_MOST_LATE = 5  # samples by which a repeated motion may come later
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,11 @@ def joint_findings(
     positions = [list(signals.positions()) for signals in signals_of]
     wrong = [k for k, some in enumerate(positions) if any(finding.left_out for finding in some)]
     spoilt = _moved_by(model, motions, wrong)
-    turned = _opposite_in_some(model, motions, cutoffs, effort_unit) if len(motions) > 1 else {}
+    turned: dict[int, list[str]] = {}  # recordings in which the effort has another sign
+    for motion in motions if len(motions) > 1 else ():
+        for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
+            if effort and _Signals(model, [motion], joint, effort_unit).opposite(effort):
+                turned.setdefault(joint, []).append(motion.signals.name)
     for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
         findings += positions[joint]
         if joint in spoilt and joint not in wrong:
@@ -94,7 +105,7 @@ def joint_findings(
             continue
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
-        if joint in turned:
+        if 0 < len(turned.get(joint, ())) < len(motions):
             sentence = (
                 f"the effort has the opposite sign in {', '.join(turned[joint])} only: leave "
                 "such recordings out, or record again with the driver as in the others"
@@ -102,31 +113,58 @@ def joint_findings(
             findings.append(JointFinding(joint, "unusable", sentence, left_out=True))
         elif of_effort is not None:
             findings += signals.efforts(of_effort, units.get(joint))
-    return (*findings, *_of_references(model, motions))
-
-
-def _opposite_in_some(
-    model: InverseModel, motions: Sequence[Motion], cutoffs: Cutoffs, effort_unit: str
-) -> dict[int, list[str]]:
-    """Names of recordings in which the effort of a joint has another sign than in the others."""
-    turned: dict[int, list[str]] = {}
-    for motion in motions:
-        for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
-            if effort and _Signals(model, [motion], joint, effort_unit).opposite(effort):
-                turned.setdefault(joint, []).append(motion.signals.name)
-    return {joint: names for joint, names in turned.items() if len(names) < len(motions)}
-
-
-def _of_references(model: InverseModel, motions: Sequence[Motion]) -> Iterator[JointFinding]:
-    """Say which references cannot be those of their joints, once for each joint."""
-    wrong: dict[int, str] = {}
+    wrong_of: dict[int, str] = {}
     for motion in motions:
         asked, span = motion.signals.position_reference, motion.span
         if asked is not None:
             moved = motion.signals.position[span]
-            wrong |= wrong_references(moved, asked[span], model.robot.joints)
-    for joint, sentence in sorted(wrong.items()):
-        yield JointFinding(joint, "limited", sentence)
+            wrong_of |= wrong_references(moved, asked[span], model.robot.joints)
+    for joint, sentence in sorted(wrong_of.items()):
+        findings.append(JointFinding(joint, "limited", sentence))
+    return tuple(findings)
+
+
+def wrong_references(
+    position: FloatArray, reference: FloatArray, joints: Sequence[str]
+) -> Iterator[tuple[int, str]]:
+    """Yield joints whose reference has another unit, or is that of another joint, and why.
+
+    A lag, an offset and a soft loop are neither. `position`, `reference`: (s, n_joints).
+    """
+    moved, asked = position - position.mean(axis=0), reference - reference.mean(axis=0)
+    spreads = np.std(moved, axis=0), np.std(asked, axis=0)
+    alike = moved.T @ asked / len(moved) / np.maximum(np.outer(*spreads), 1e-300)
+    moving = np.minimum(*spreads) > np.maximum(_RESTING, _MOVES * spreads[0].max())
+    same = np.diag(alike)
+    for joint in np.flatnonzero(moving).tolist():
+        nearest, factor = int(np.argmax(alike[joint])), spreads[1][joint] / spreads[0][joint]
+        if same[joint] < -_SAME_MOTION:
+            yield joint, "its references have the opposite sign of its motion"
+        elif same[joint] > _SAME_MOTION and not 1.0 / _FACTOR < factor < _FACTOR:
+            yield joint, f"its references are {factor:.2g} times its motion: another unit?"
+        elif (
+            max(same[joint], same[nearest]) < _ANOTHER_MOTION
+            and alike[joint, nearest] > _SAME_MOTION
+        ):
+            yield joint, f"it moves as the references of {joints[nearest]} say: another order?"
+
+
+def repeats_motion(position: FloatArray, reference: FloatArray) -> bool:
+    """Whether references are the measured positions, or those of a few samples before.
+
+    A motion comes after its reference, and never so near to it. `position`, `reference`: (s,
+    n_joints).
+    """
+    spreads = np.std(position, axis=0)
+    moving = spreads > max(_RESTING, _MOVES * float(spreads.max(initial=0.0)))
+    if not moving.any() or len(position) <= _MOST_LATE + 1:
+        return False
+    later, spreads = reference[_MOST_LATE:, moving], spreads[moving]
+    apart = [
+        np.std(later - position[_MOST_LATE - lag : len(position) - lag, moving], axis=0) / spreads
+        for lag in range(_MOST_LATE + 1)
+    ]
+    return bool(np.min(apart, axis=0).max() < _REPEATED)
 
 
 def in_smaller_units(ratios: Mapping[int, float], sizes: Mapping[int, float]) -> dict[int, float]:

@@ -2,15 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import (
     Instruments,
-    InstrumentSource,
     SimulatedLoop,
     SourceFailure,
 )
@@ -21,14 +18,19 @@ from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.signals import AutoregressiveModel, Motion, torque_noise
 from idim_iv_ros.signals.motion import decimated_motion
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.instruments import exogeneity_test, wald_test_of_instruments
+from idim_iv_ros.statistics.instruments import (
+    EXOGENOUS,
+    VALID,
+    exogeneity_test,
+    wald_test_of_instruments,
+)
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
 from idim_iv_ros.statistics.specification import (
-    FAMILIES,
     SPEED,
     shared_functions,
     specification_tests,
     speed_functions,
+    tests_not_run,
 )
 from idim_iv_ros.types import FloatArray
 
@@ -76,36 +78,31 @@ def validate(
     that is judged; `estimate`: the IDIM-IV iteration, None for IDIM-LS.
     """
     alpha = prepared.configuration.identification.significance
-    rows, values = observed, linear.values
-    untested: str | None = "IDIM-LS uses no instruments"
+    values, names = linear.values, [joint.name for joint in observed]
+    residuals = tuple(diagnose_residual(joint, values, alpha=alpha) for joint in observed)
+    untested = "IDIM-LS uses no instruments"
     if estimate is not None:
-        untested = estimate.source.untestable or estimate.instruments.untestable
-    errors, note = None, ""
-    candidates = [{family: np.zeros((0, 0)) for family in FAMILIES} for _ in observed]
-    if estimate is not None and untested is None:
-        tested = _tested(prepared, observed, estimate)
-        rows = with_instruments(tested.rows, tested.instruments.matrices)
-        noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
-        observed_alone = [joint.with_instruments(None) for joint in observed]
-        covariance = white_covariance(observed_alone, noise, len(values))
-        errors = tested.source.prediction_errors(values, covariance)
-        candidates = functions_of_motion(
-            tested.motions, tested.instruments, prepared.model.robot.joint_types
+        untested = estimate.source.untestable or estimate.instruments.untestable or ""
+    if estimate is None or untested:
+        tests, exogeneity = (
+            tuple(HypothesisTest.not_run(null, scope, untested) for scope in ("all", *names))
+            for null in (VALID, EXOGENOUS)
         )
-        note = tested.note
-    tests = wald_test_of_instruments(rows, values, not_simulated=untested, simulation_errors=errors)
-    exogeneity = exogeneity_test(rows, values, not_simulated=untested)
-    specification = iter(
-        specification_tests(rows, values, candidates, alpha=alpha, not_simulated=untested)
-    )
+        specification = tuple(tests_not_run(name, untested, alpha) for name in names)
+        tests, exogeneity = _together(tests, alpha), _together(exogeneity, alpha)
+        return Validation(tests, exogeneity, specification, residuals, "")
+    source, rows, instruments, note = _tested(prepared, observed, estimate)
+    noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
+    observed_alone = [joint.with_instruments(None) for joint in observed]
+    covariance = white_covariance(observed_alone, noise, len(values))
+    errors = source.prediction_errors(values, covariance)
+    candidates = functions_of_motion(source.motions, instruments, prepared.model.robot.joint_types)
     return Validation(
-        tests=_together(tests, alpha),
-        exogeneity=_together(exogeneity, alpha),
-        specification=tuple(
-            tuple(islice(specification, len(candidate))) for candidate in candidates
-        ),
-        residuals=tuple(diagnose_residual(joint, values, alpha=alpha) for joint in observed),
-        note=note,
+        _together(wald_test_of_instruments(rows, values, errors), alpha),
+        _together(exogeneity_test(rows, values), alpha),
+        specification_tests(rows, values, candidates, alpha=alpha),
+        residuals,
+        note,
     )
 
 
@@ -114,38 +111,26 @@ def _together(tests: tuple[HypothesisTest, ...], alpha: float) -> tuple[Hypothes
 
     A right model is then accused anywhere with probability α at most.
     """
-    joints = max(len(tests) - 1, 1)
-    first, others = tests[0], tests[1:]
-    return (
-        replace(first, alpha=alpha / 2.0),
-        *(replace(test, alpha=alpha / (2.0 * joints)) for test in others),
-    )
-
-
-class _Tested(NamedTuple):
-    """Motions, their rows and instruments, the source that makes these, and what was done."""
-
-    motions: tuple[Motion, ...]
-    rows: Sequence[JointRows]
-    instruments: Instruments
-    source: InstrumentSource
-    note: str
+    first, *others = tests
+    shared = (replace(test, alpha=alpha / (2.0 * len(others))) for test in others)
+    return (replace(first, alpha=alpha / 2.0), *shared)
 
 
 def _tested(
     prepared: PreparedRegression, observed: Sequence[JointRows], estimate: IdimIvEstimate
-) -> _Tested:
+) -> tuple[SimulatedLoop, tuple[JointRows, ...], Instruments, str]:
     """Choose the rows for the tests of the instruments and of the specification.
 
     Where the rows of the estimate are more than twice as dense as twice the natural frequency of
     the fastest loop asks for, new ones are made at that rate. Whitening filters of a hundred
     coefficients cannot resolve the few hertz in which the motion lives when the rows reach to
     hundreds: a right model was then rejected at p < 1e-10.
+
+    Returns the loop that makes the instruments, rows with these, and what was done in words.
     """
     source, values = estimate.source, estimate.linear.values
-    as_it_is = _Tested(prepared.motions, observed, estimate.instruments, source, "")
-    if not isinstance(source, SimulatedLoop):
-        return as_it_is
+    assert isinstance(source, SimulatedLoop)  # no other source can be tested
+    as_it_is = source, tuple(observed), estimate.instruments, ""
     wanted = _TIMES_THE_LOOP * source.natural_frequency(values)
     cutoff = prepared.cutoffs.decimation
     if wanted <= 0.0 or cutoff < _DENSER * wanted:
@@ -178,7 +163,8 @@ def _tested(
         "a natural frequency of "
         f"{wanted / _TIMES_THE_LOOP:.3g} Hz, and denser rows say nothing more"
     )
-    return _Tested(motions, observation_rows(prepared.model, motions), instruments, slower, note)
+    rows = with_instruments(observation_rows(prepared.model, motions), instruments.matrices)
+    return slower, rows, instruments, note
 
 
 def functions_of_motion(

@@ -102,7 +102,10 @@ def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps:
     # Most channels end here, and cost nothing more.
     if lengths.max(initial=0) <= _LEAST_REPEATS + 1:
         return none
-    moved = _moves_during(position, first, last, speed)
+    after = np.minimum(last + 1, len(position) - 1)
+    middle = position[(first + after) // 2]
+    distance = np.abs(middle - position[first]) + np.abs(position[after] - middle)
+    moved = distance >= speed * np.maximum(after - first, 1)
     if np.count_nonzero(moved & np.isfinite(values[first])) < _LEAST_VALUES:
         return none
     usual = float(np.quantile(lengths[moved], _MOST))
@@ -115,7 +118,12 @@ def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps:
     # Noise passes a step of the channel at most times.
     noisy = len(bends) > 0 and np.median(bends) > _NOISY * np.median(slopes)
     if jumps or not noisy:
-        chosen &= _ends_in_jump(values, first, last)
+        # The step behind the run is much larger than those that follow.
+        steps = np.concatenate([np.abs(np.diff(values)), np.full(_STEPS_AFTER + 2, np.nan)])
+        steps = np.where(np.isfinite(steps), steps, 0.0)
+        following = np.lib.stride_tricks.sliding_window_view(steps, _STEPS_AFTER).max(axis=1)
+        smallest = float(np.min(steps[steps > 0.0], initial=np.inf))
+        chosen &= steps[last] > _JUMP * np.maximum(following[last + 1], smallest)
     else:
         chosen[chosen] = _is_isolated(lengths, moved, np.flatnonzero(chosen))
     # All places of the runs but the first: that one was measured.
@@ -139,14 +147,6 @@ def moving_speed(position: FloatArray) -> float:
     return _MOVES * peak if peak > 0.0 else np.inf
 
 
-def _moves_during(position: FloatArray, first: IntArray, last: IntArray, speed: float) -> BoolArray:
-    """Return whether the joint moves faster than `speed` during runs first … last, (n_runs,)."""
-    after = np.minimum(last + 1, len(position) - 1)
-    middle = position[(first + after) // 2]
-    distance = np.abs(middle - position[first]) + np.abs(position[after] - middle)
-    return np.asarray(distance >= speed * np.maximum(after - first, 1))
-
-
 def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolArray:
     """Return whether each chosen run is much longer than the other runs around it, (k,) bool.
 
@@ -161,15 +161,6 @@ def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolA
         begin, end = np.searchsorted(ends, [ends[run] - lengths[run] - around, ends[run] + around])
         alone[place] = _LONGER * others[begin : end + 1].max() <= lengths[run]
     return alone
-
-
-def _ends_in_jump(values: FloatArray, first: IntArray, last: IntArray) -> BoolArray:
-    """Return whether runs first … last end in a step much larger than those after, (n_runs,)."""
-    steps = np.concatenate([np.abs(np.diff(values)), np.full(_STEPS_AFTER + 2, np.nan)])
-    steps = np.where(np.isfinite(steps), steps, 0.0)
-    after = np.lib.stride_tricks.sliding_window_view(steps, _STEPS_AFTER).max(axis=1)
-    smallest = float(np.min(steps[steps > 0.0], initial=np.inf))
-    return np.asarray(steps[last] > _JUMP * np.maximum(after[last + 1], smallest))
 
 
 def _describe(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches:

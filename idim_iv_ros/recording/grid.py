@@ -163,8 +163,8 @@ Pauses = tuple[IntArray, IntArray]
 """Intervals to cut out of time: where they begin and end, (k,) ns each."""
 
 
-def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
-    """Return the parts of long pauses to cut out, and a note; None if no pause is long.
+def pauses_of(states: StampedMessages) -> tuple[Pauses, list[Note]]:
+    """Return the parts of long pauses to cut out, and a note if there are any.
 
     Cutting them saves time and memory.
     """
@@ -172,9 +172,9 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
     steps = np.diff(time)
     shortest = max(round(LONGEST_PAUSE * 1e9), 3 * int(np.median(steps)))
     long = np.flatnonzero(steps > shortest)
-    if len(long) == 0:
-        return None
     begin, end = time[long] + shortest, time[long + 1]
+    if len(long) == 0:
+        return (begin, end), []
     removed = float((end - begin).sum()) * 1e-9
     longest = float(steps[long].max()) * 1e-9
     first = float(time[long[0]] - time[0]) * 1e-9
@@ -183,14 +183,16 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, Note] | None:
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
-    return (begin, end), Note(states.messages.topic, what, 1, limits=True)
+    return (begin, end), [Note(states.messages.topic, what, 1, limits=True)]
 
 
 def without_pauses(
     stamped: Mapping[str, StampedMessages], pauses: Pauses
-) -> dict[str, StampedMessages]:
+) -> Mapping[str, StampedMessages]:
     """Cut pauses out of all topics."""
     begin, end = pauses
+    if len(begin) == 0:
+        return stamped
     removed, shortened = np.concatenate([[0], np.cumsum(end - begin)]), {}
     for topic, messages in stamped.items():
         pause = np.searchsorted(begin, messages.time, side="right") - 1
@@ -269,7 +271,16 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
 
     Raises DataError: see `stamp_messages`.
     """
-    labels = np.array([_part_labels(messages.named) for messages in sources.values()])
+    labels = []
+    for messages in sources.values():
+        label = np.arange(messages.named.shape[1])
+        for layout in messages.named:
+            together = np.isin(label, label[layout])
+            label[together] = np.min(label[together], initial=len(label))
+        present = messages.named.any(axis=0)
+        # Joints that are never named split nothing.
+        label[~present] = label[present][0] if present.any() else 0
+        labels.append(label)
     _, label = np.unique(labels, axis=1, return_inverse=True)
     columns = [np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())]
     return tuple(
@@ -282,18 +293,6 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
         )
         for joints in columns
     )
-
-
-def _part_labels(named: BoolArray) -> IntArray:
-    """Return equal labels (n_joints,) for joints that a layout in `named` names together."""
-    label = np.arange(named.shape[1])
-    for layout in named:
-        joined = np.isin(label, label[layout])
-        label[joined] = np.min(label[joined], initial=named.shape[1])
-    present = named.any(axis=0)
-    # Joints that are never named split nothing.
-    label[~present] = label[present][0] if present.any() else 0
-    return label
 
 
 def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:

@@ -12,7 +12,6 @@ from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.bags.folder import Bag, bags_of, loss_notes
 from idim_iv_ros.recording.bags.joint_message_type import may_hold_joints
 from idim_iv_ros.recording.bags.joint_messages import JointMessages, checked_messages
-from idim_iv_ros.recording.clock import StampedMessages
 from idim_iv_ros.recording.frozen_channels import without_frozen
 from idim_iv_ros.recording.grid import (
     Grid,
@@ -30,7 +29,6 @@ from idim_iv_ros.recording.request import (
     Request,
     in_bag,
     prismatic_joints,
-    reference_advice,
     unused_references,
 )
 from idim_iv_ros.recording.wraps import without_wraps
@@ -139,26 +137,22 @@ def recording_of(messages: BagMessages) -> Recording:
     Raises DataError: a topic, a joint or a field is missing, or the messages make no recording;
     with the losses of the bag, which are a likely reason.
     """
-    losses = loss_notes(messages.bag, messages.request.topics)
+    bag, request = messages.bag, messages.request
+    losses = loss_notes(bag, request.topics)
+    sources: dict[str, JointMessages] = {}
+    notes = list(losses)
     try:
-        return _recording_of(messages, losses)
+        for source in request.fields:
+            if source not in messages.readers:
+                raise DataError(_missing_topic(bag, source, request))
+            optional, reader = source == request.link_states, messages.readers[source]
+            sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
+            notes += left_out
+        parts = list(parts_of(sources, str(bag.path)))
+        made = _assemble(bag.path, request, parts, messages.description, notes)
     except DataError as error:
         words = "".join(f" ({note.sentence})" for note in losses)
         raise DataError(f"{error}{words}") from error
-
-
-def _recording_of(messages: BagMessages, notes: list[Note]) -> Recording:
-    sources: dict[str, JointMessages] = {}
-    bag, request = messages.bag, messages.request
-    for source in request.fields:
-        if source not in messages.readers:
-            raise DataError(_missing_topic(bag, source, request))
-        optional = source == request.link_states
-        reader = messages.readers[source]
-        sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
-        notes += left_out
-    parts = list(parts_of(sources, str(bag.path)))
-    made = _assemble(bag.path, request, parts, messages.description, notes)
     return replace(made, other_positions=sources[request.joint_states].ranges)
 
 
@@ -169,12 +163,12 @@ def _assemble(
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states
     notes += parts_note(joint_states, parts, joints)
-    paused = pauses_of(parts[0].stamped[joint_states])
-    notes += [] if paused is None else [paused[1]]
+    pauses, of_pauses = pauses_of(parts[0].stamped[joint_states])
+    notes += of_pauses
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
     followers = [source for source in (reference, links) if source is not None]
     for number, part in enumerate(parts):
-        stamped = part.stamped if paused is None else without_pauses(part.stamped, paused[0])
+        stamped = without_pauses(part.stamped, pauses)
         names = [joints[column] for column in part.columns]
         stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
         parts[number] = replace(part, stamped=stamped)
@@ -193,8 +187,8 @@ def _assemble(
         what = "topics with different clocks: their delay is not known"
         notes.append(Note(joint_states, what, 1))
     if effort is None:
-        zeros = np.zeros((grid.samples, len(joints)))
-        torque = Signal(zeros, np.zeros(zeros.shape, dtype=bool), "no effort")
+        shape = grid.samples, len(joints)
+        torque = Signal(np.zeros(shape), np.zeros(shape, dtype=bool), "no effort")
     else:
         torque = joined(grid, parts, effort, "effort")
     for column, joint in enumerate(() if effort is None else joints):
@@ -213,13 +207,13 @@ def _assemble(
         start=grid.start * 1e-9,
         position=joined(grid, parts, joint_states, "position"),
         effort=torque,
-        velocity=_if_complete(grid, parts, joint_states, "velocity"),
+        velocity=_velocity(grid, parts, joint_states),
         position_reference=(
             joined(grid, parts, reference, "position", stepwise=effort is None)
             if reference
             else None
         ),
-        velocity_reference=_if_complete(grid, parts, reference, "velocity") if reference else None,
+        velocity_reference=_velocity(grid, parts, reference) if reference else None,
         link_position=joined(grid, parts, links, "position") if links else None,
         clocks=tuple(dict.fromkeys(clocks)),
         notes=tuple(dict.fromkeys(notes)),
@@ -255,7 +249,12 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
         if topic.time[-1] < first or topic.time[0] > last:
             raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
-            begin, end = _active_time(topic, first, last)
+            # Outside, the control law does not act. A plain topic of references limits nothing:
+            # after its last message the robot stands still.
+            begin, end = first, last
+            active = topic.time[np.isfinite(topic.messages.values["position"]).all(axis=1)]
+            if topic.messages.origins and len(active):
+                begin, end = max(first, int(active[0])), min(last, int(active[-1]))
             before, after = (begin - first) * 1e-9, (last - end) * 1e-9
             if max(before, after) >= _NOTED:
                 what = (
@@ -279,27 +278,11 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
     return grid, notes
 
 
-def _active_time(reference: StampedMessages, first: int, last: int) -> tuple[int, int]:
-    """Return first and last stamp, ns, between which the controller has references.
-
-    Outside, the control law does not act. A plain topic of references limits nothing: after its
-    last message the robot stands still.
-    """
-    if not reference.messages.origins:
-        return first, last
-    active = reference.time[np.isfinite(reference.messages.values["position"]).all(axis=1)]
-    if len(active) == 0:
-        return first, last
-    return max(first, int(active[0])), min(last, int(active[-1]))
-
-
-def _if_complete(grid: Grid, parts: Sequence[Part], source: str, name: str) -> Signal | None:
-    """Return a signal; None if some joint has no value of it."""
-    for part in parts:
-        values = part.stamped[source].messages.values[name]
-        if not np.isfinite(values).any(axis=0).all():
-            return None
-    return joined(grid, parts, source, name)
+def _velocity(grid: Grid, parts: Sequence[Part], source: str) -> Signal | None:
+    """Return the velocities of a source; None if some joint has none."""
+    values = (part.stamped[source].messages.values["velocity"] for part in parts)
+    complete = all(np.isfinite(velocity).any(axis=0).all() for velocity in values)
+    return joined(grid, parts, source, "velocity") if complete else None
 
 
 def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
@@ -308,7 +291,9 @@ def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
         return f"{path}: {'nothing can be read of it' if bag.damages else 'the bag is empty'}"
     advice = ""
     if topic == request.reference and not bag.damages:
-        advice = reference_advice(bag, list(request.fields), request.joints)
+        advice = "; name that of the reference in signals.reference, or leave it out"
+        for first in unused_references(bag, list(request.fields), request.joints)[:1]:
+            advice = f"; if the reference is on {first}, write `reference: {first}` under signals"
     usable = [name for name, kind in bag.topics.items() if may_hold_joints(kind)]
     if topic_of(topic) in bag.topics:
         return f"{path}: no message on {topic}{advice}"

@@ -5,7 +5,7 @@ of two runs may overlap. What depends on the time of a session (friction that fa
 warms up, blocks of time, every figure) needs a time that only increases.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -203,11 +203,13 @@ def session_of(recordings: Sequence[Recording]) -> Session:
     if not recordings:
         raise UsageError("no recording is given; name at least one bag")
     ordered = tuple(sorted(recordings, key=lambda recording: recording.start))
-    names = _names(ordered)
+    names = [recording.path.name for recording in ordered]
     parts: list[SessionPart] = []
     overlapping, shortened = [], []
     end, stamp = 0.0, ordered[0].start
-    for name, recording in zip(names, ordered, strict=True):
+    for recording in ordered:
+        alone = names.count(recording.path.name) == 1
+        name = recording.path.name if alone else str(recording.path)
         pause = recording.start - stamp
         # Less than half a sample is rounding of the stamps.
         if pause < -0.5 / recording.rate:
@@ -219,7 +221,7 @@ def session_of(recordings: Sequence[Recording]) -> Session:
         # One sample more than the duration: the next recording never starts at the last sample.
         length = recording.samples / recording.rate
         end, stamp = start + length, max(stamp, recording.start + length)
-    return Session(ordered, tuple(parts), _sentences(parts, overlapping, shortened))
+    return Session(ordered, tuple(parts), tuple(_sentences(parts, overlapping, shortened)))
 
 
 def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
@@ -236,37 +238,25 @@ def in_recordings(parts: Sequence[SessionPart], low: float, high: float) -> str:
 
 
 def _seconds_text(seconds: float) -> str:
-    """Return seconds as text: three digits, whole seconds beyond a thousand."""
     return f"{seconds:.0f}" if seconds >= 1000.0 else f"{seconds:.3g}"
-
-
-def _names(recordings: Sequence[Recording]) -> list[str]:
-    names = [recording.path.name for recording in recordings]
-    return [
-        name if names.count(name) == 1 else str(recording.path)
-        for name, recording in zip(names, recordings, strict=True)
-    ]
 
 
 def _sentences(
     parts: Sequence[SessionPart], overlapping: Sequence[str], shortened: Sequence[str]
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """Say how stamps became the time of a session; nothing of a single recording."""
     if len(parts) < 2:
-        return ()
+        return
     begins = [f"{part.bag} from {_seconds_text(part.start)} s" for part in parts]
-    sentences = [
+    yield (
         "recordings follow one another in the order of their first stamps; time of the session: "
         f"{first_of(begins, _LISTED)}"
-    ]
+    )
     if overlapping:
-        sentences.append(
+        yield (
             f"stamps of {first_of(overlapping, _LISTED)} begin before those of another recording "
             "end: placed after it without a pause, so that what changes during the session is "
             "known in this order only"
         )
     if shortened:
-        sentences.append(
-            f"a pause counts as {LONGEST_PAUSE:.0f} s at most: {first_of(shortened, _LISTED)}"
-        )
-    return tuple(sentences)
+        yield f"a pause counts as {LONGEST_PAUSE:.0f} s at most: {first_of(shortened, _LISTED)}"

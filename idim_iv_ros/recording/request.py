@@ -117,7 +117,7 @@ def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) ->
     """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.unread().topic_types().items()
+    kinds = bag.topic_types().items()
     topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
     key, first = next(iter(relative.items()))
     resolved = {name: request.node_topics.get(name, in_root(name)) for name in relative.values()}
@@ -237,15 +237,6 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
         return not of_controller, not sounds_like_reference(topic), topic
 
     return tuple(sorted(references, key=likely))
-
-
-def reference_advice(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> str:
-    """Return advice on which topic to give as the reference, to append to an error."""
-    references = unused_references(bag, used, joints)
-    if references:
-        first = references[0]
-        return f"; if the reference is on {first}, write `reference: {first}` under signals"
-    return "; name that of the reference in signals.reference, or leave it out"
 
 
 def sounds_like_reference(topic: str) -> bool:

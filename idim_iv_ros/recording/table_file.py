@@ -48,34 +48,29 @@ def one_line_errors(path: Path) -> Iterator[None]:
         raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
 
 
-def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the variables in a file, by name."""
+def array_names(path: Path) -> list[str]:
+    """Return the names of the variables in a file."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
-        return {NPY: np.load(path, mmap_mode="r", allow_pickle=False).shape}
+        return [NPY]
     if suffix == ".parquet":
-        file = needs_tables(path, "pyarrow.parquet").ParquetFile(path)
-        rows = next(file.iter_batches(1)).to_pylist() if file.metadata.num_rows else [{}]
-        first = {name: rows[0].get(name) for name in file.schema_arrow.names}
-        return {
-            name: (file.metadata.num_rows, len(value) if isinstance(value, list) else 1)
-            for name, value in first.items()
-        }
+        return list(needs_tables(path, "pyarrow.parquet").read_schema(path).names)
     if suffix == ".npz":
-        return _npz_shapes(path)
+        with np.load(path, allow_pickle=False) as variables:
+            return list(variables)
     if suffix == ".mat":
         from scipy.io import whosmat  # here, because a recorder starts faster without it
 
-        return {name: shape for name, shape, _ in whosmat(path)}
-    shapes: dict[str, tuple[int, ...]] = {}
+        return [name for name, _, _ in whosmat(path)]
+    names: list[str] = []
 
     def add(name: str, item: Any) -> None:
         if hasattr(item, "shape"):
-            shapes[name] = item.shape
+            names.append(name)
 
     with needs_tables(path, "h5py").File(path) as file:
         file.visititems(add)
-    return shapes
+    return names
 
 
 def read_array(path: Path, name: str) -> FloatArray:
@@ -83,7 +78,7 @@ def read_array(path: Path, name: str) -> FloatArray:
 
     Raises UsageError: no such variable, or it holds something else than real numbers.
     """
-    if name not in (names := array_shapes(path)):
+    if name not in (names := array_names(path)):
         listed = ", ".join(sorted(names)) or "none"
         raise UsageError(f"{path}: no variable {name}; there are {listed}")
     array = np.asarray(_array(path, name))
@@ -100,6 +95,7 @@ def read_array(path: Path, name: str) -> FloatArray:
 
 
 def _array(path: Path, name: str) -> Any:
+    """Return one variable of a file; dates in s since 1970."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
         # Mapped, so that a header that claims more than the file holds is an error and no memory.
@@ -107,7 +103,12 @@ def _array(path: Path, name: str) -> Any:
         _require_size(path, array.nbytes)
         return array
     if suffix == ".parquet":
-        return _parquet_column(path, name)
+        table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
+        if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
+            stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
+            return 1e-9 * np.asarray(stamps, dtype=float)[:, None]
+        rows = table[name].to_pylist()  # lists are columns
+        return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
     if suffix == ".npz":
         with zipfile.ZipFile(path) as archive:
             _require_size(path, archive.getinfo(f"{name}.npy").file_size)
@@ -119,16 +120,6 @@ def _array(path: Path, name: str) -> Any:
         return loadmat(path, variable_names=[name])[name]
     with needs_tables(path, "h5py").File(path) as file:
         return file[name][()]
-
-
-def _parquet_column(path: Path, name: str) -> FloatArray:
-    """Return one column as (n_samples, n_columns): lists as columns, dates in s since 1970."""
-    table = needs_tables(path, "pyarrow.parquet").read_table(path, columns=[name])
-    if table.schema.types[0].id == import_module("pyarrow").timestamp("ns").id:
-        stamps = table[name].cast("timestamp[ns]").cast("int64").to_numpy()
-        return 1e-9 * np.asarray(stamps, dtype=float)[:, None]
-    rows = table[name].to_pylist()
-    return np.array(rows, dtype=float).reshape(len(rows), -1 if rows else 1)
 
 
 def needs_tables(path: Path, module: str) -> Any:
@@ -241,20 +232,6 @@ class TextTable:
             f"{' and no time of ISO 8601' if dates else ''}; a map of the columns may set decimal, "
             "delimiter, comment or time.unit"
         )
-
-
-def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of variables from their headers, without unpacking them."""
-    shapes = {}
-    with zipfile.ZipFile(path) as archive:
-        for name in archive.namelist():
-            with archive.open(name) as stream:
-                if np.lib.format.read_magic(stream) == (1, 0):
-                    shape, _, _ = np.lib.format.read_array_header_1_0(stream)
-                else:
-                    shape, _, _ = np.lib.format.read_array_header_2_0(stream)
-            shapes[name.removesuffix(".npy")] = shape
-    return shapes
 
 
 def _require_size(path: Path, size: int) -> None:

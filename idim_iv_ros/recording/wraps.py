@@ -149,7 +149,6 @@ def _sentence(joint: str, position: Unwrapped) -> str:
 def _with_positions(
     stamped: StampedMessages, column: int, position: Unwrapped, sentence: str
 ) -> StampedMessages:
-    """Return a topic with other positions of one joint, and a note."""
     values = stamped.messages.values["position"].copy()
     values[:, column] = position.position
     return stamped.with_values("position", values, Note(stamped.messages.topic, sentence, 1))

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
@@ -41,12 +40,14 @@ from idim_iv_ros.report.numerals import (
     with_interval,
 )
 from idim_iv_ros.report.section import Files, Report
-from idim_iv_ros.statistics.verdict import Verdict
 
-# Badge of each verdict on an identification: CSS class, sign; in the order of `Verdict`.
-_BADGES = dict(
-    zip(get_args(Verdict), (("good", "✓"), ("fair", "≈"), ("bad", "✕"), ("open", "?")), strict=True)
-)
+# Badge of each verdict on an identification: CSS class, sign.
+_BADGES = {
+    "valid": ("good", "✓"),
+    "autocorrelated": ("fair", "≈"),
+    "misspecified": ("bad", "✕"),
+    "inconclusive": ("open", "?"),
+}
 FAMILIES = {
     "velocity": "follows the speed",
     "position": "follows the position",
@@ -68,7 +69,7 @@ class Step:
 
 def verdict_badge(verdict: str) -> tuple[str, str, str]:
     """Return the verdict of an identification as a badge: CSS class, sign, words."""
-    return (*_BADGES.get(verdict, ("open", "?")), verdict)
+    return (*_BADGES[verdict], verdict)
 
 
 def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
@@ -91,7 +92,6 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
 
 
 def _share_missed(gap: JointGap) -> str:
-    """Return the share of a joint's torque that the model misses, beyond noise if that is known."""
     beyond, noise = gap.beyond_noise_percent, "" if gap.noise_floor is None else " beyond noise"
     if beyond == 0.0:
         return f"nothing{noise}"
@@ -139,7 +139,9 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
         more = len(result.causes) - 1
         others = f", with {more} more" if more else ""
         name = effect_at(first.effect, first.joint)
-        if worst is not None and not any(_acts_at(cause, worst) for cause in result.causes):
+        everywhere = any(cause.joint is None for cause in result.causes)
+        places = {place for cause in result.causes for place in _joints_of(cause)}
+        if worst is not None and not everywhere and worst not in places:
             if any(error.joint == worst for error in result.parameter_errors):
                 return f"Wrong parameter values there{corrected}; besides them, {name}{others}."
             return f"Cause elsewhere: {name}{others}{corrected}."
@@ -204,10 +206,8 @@ def _corrected_share(result: GapResult, gap: JointGap) -> str:
     return f" ({percent(100.0 * min(shrinkage, 1.0))} of it corrected)"
 
 
-def _acts_at(cause: Cause, joint: str) -> bool:
-    """Return whether a cause removes part of the gap at a joint."""
-    places = {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
-    return cause.joint is None or joint in places
+def _joints_of(cause: Cause) -> set[str | None]:
+    return {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
 
 
 def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
@@ -297,11 +297,9 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
         rest = export_options(result)
-        words = "Put the causes into your simulator, or into ours:"
-        if rest:
-            words = "Put the causes and the other values into your simulator:"
-        line = files.command("export", files.here(GAP), *rest, out="simulator")
-        steps = [Step(words, line)]
+        what = "the causes and the other values into" if rest else "the causes into"
+        words = f"Put {what} your simulator{':' if rest else ', or into ours:'}"
+        steps = [Step(words, files.command("export", files.here(GAP), *rest, out="simulator"))]
     elif laws:
         steps = []
     elif result.verdict == "parametric":
@@ -316,31 +314,20 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         steps = [Step(words, files.command("check", *bags))]
     if laws:
         steps.append(Step(f"Correct the control law in {config}:", "\n".join(map(_law, laws))))
-    return [*steps, *_compare_apart(result, files), recording]
+    apart = [one.bag for one in result.recordings if one.bag not in result.bags]
+    if apart:
+        others = files.recordings(apart)
+        line = files.command("diagnose", *bags, "--against", *others, out="changes")
+        steps.append(Step(f"See what changed in {', '.join(apart)}:", line))
+    return [*steps, recording]
 
 
 def _law(cause: Cause) -> str:
-    """Return the corrected numbers of one joint's control law as text."""
     numbers = ", ".join(
         f"{name.replace('_', ' ')} = {with_interval(by.value, by.std, by.unit)}"
         for name, by in cause.parameters.items()
     )
     return f"{cause.joint}: {numbers}"
-
-
-def _compare_apart(result: GapResult, files: Files) -> list[Step]:
-    """Return the step that says what changed in recordings that differ from the others."""
-    apart = [one.bag for one in result.recordings if one.bag not in result.bags]
-    if not apart:
-        return []
-    line = files.command(
-        "diagnose",
-        *files.recordings(result.bags),
-        "--against",
-        *files.recordings(apart),
-        out="changes",
-    )
-    return [Step(f"See what changed in {', '.join(apart)}:", line)]
 
 
 def _recording_step(result: GapResult, files: Files) -> Step:

@@ -2,7 +2,7 @@
 
 from idim_iv_ros.identification.compare import ParameterComparison, ParameterPair
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.numerals import INTERVAL, measured, number
+from idim_iv_ros.report.numerals import measured, number
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
 
@@ -19,7 +19,8 @@ def compare_html(comparison: ParameterComparison, files: Files = UNPLACED) -> st
         steps=[compare_step(comparison, files)],
         names=comparison.names,
         alone=", ".join(comparison.alone),
-        rows=[_row(pair) for pair in comparison.pairs],
+        pairs=comparison.pairs,
+        pair_words=pair_words,
     )
     subtitle = " and ".join(comparison.names)
     return page_html(comparison.robot, "two identifications", subtitle, [section])
@@ -40,21 +41,3 @@ def pair_words(pair: ParameterPair) -> tuple[str, str, str]:
     first = " ".join(measured(pair.first, pair.first_std))
     second = " ".join(measured(pair.second, pair.second_std))
     return first, second, f"{number(pair.deviations, 2)} σ"
-
-
-def _row(pair: ParameterPair) -> dict[str, object]:
-    """Return both values as text, and their intervals as places on the row's axis in percent."""
-    halves = INTERVAL * pair.first_std, INTERVAL * pair.second_std
-    values = pair.first, pair.second
-    low = min(value - half for value, half in zip(values, halves, strict=True))
-    high = max(value + half for value, half in zip(values, halves, strict=True))
-    width = max(high - low, 1e-300)
-    marks = [
-        {
-            "start": round(4 + 92 * (value - half - low) / width, 1),
-            "length": round(92 * 2 * half / width, 1),
-            "middle": round(4 + 92 * (value - low) / width, 1),
-        }
-        for value, half in zip(values, halves, strict=True)
-    ]
-    return {"pair": pair, "words": pair_words(pair), "marks": marks}

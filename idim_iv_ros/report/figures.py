@@ -1,7 +1,7 @@
 """Plotly figures as plain dictionaries, all in one style, for light and dark pages."""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,14 +13,12 @@ from idim_iv_ros.encoding import json_text
 
 # Variables of the stylesheet: the page's script puts the values of the present scheme there.
 # Okabe and Ito: distinguished by readers with any colour vision, and in grey by their lightness.
-INK, MUTED, GRID = "var(--ink)", "var(--muted)", "var(--grid)"
+INK, MUTED = "var(--ink)", "var(--muted)"
 BLUE, ORANGE, GREY = "var(--blue)", "var(--orange)", "var(--grey)"
 SHADE = "var(--shade)"
 # Colours of the directions of motion, none of which is that of a model.
 FORWARD, BACKWARD = "var(--forward)", "var(--backward)"
 FORWARD_BAND, BACKWARD_BAND = "var(--forward-band)", "var(--backward-band)"
-
-_FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 
 # Levels of a packed number, and the one that stands for none.
 _LEVELS, BREAK = 65534, 65535
@@ -45,15 +43,6 @@ class Figure:
         """Return data and layout as JSON that is safe inside a script element: without "<"."""
         content = {"data": self.data, "layout": self.layout}
         return Markup(json_text(content, indent=None).replace("<", "\\u003c"))
-
-
-@dataclass(frozen=True)
-class Mark:
-    """An entry of a legend; `kind` is a class of the stylesheet: line, band or sign."""
-
-    kind: str
-    colour: str
-    words: str
 
 
 def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]:
@@ -144,37 +133,8 @@ def band(x: tuple[object, object], y: tuple[float, float], **options: object) ->
 
 
 def axis(title: str = "", **options: object) -> dict[str, Any]:
-    """Return an axis with its title (quantity and unit)."""
-    return {
-        "title": {"text": title, "standoff": 6, "font": {"size": 12}},
-        "automargin": True,
-        "gridcolor": GRID,
-        "zeroline": False,
-        "linecolor": GREY,
-        "showline": True,
-        "ticks": "outside",
-        "ticklen": 4,
-        "tickcolor": GREY,
-        "tickfont": {"size": 11},
-        "exponentformat": "power",
-        **options,
-    }
-
-
-def layout(axes: Mapping[str, Any], **options: object) -> dict[str, Any]:
-    """Return the layout of a figure in the style of the report."""
-    return {
-        "font": {"family": _FONT, "size": 12, "color": INK},
-        "paper_bgcolor": "var(--page)",
-        "plot_bgcolor": "var(--page)",
-        "margin": {"l": 58, "r": 12, "t": 8, "b": 40},
-        "showlegend": False,
-        "hoverlabel": {"font": {"family": _FONT, "size": 12}},
-        "hovermode": "closest",
-        "dragmode": "zoom",
-        **axes,
-        **options,
-    }
+    """Return an axis with its title (quantity and unit); its style is in the page's script."""
+    return {"title": {"text": title}, **options}
 
 
 @dataclass(frozen=True)
@@ -216,4 +176,4 @@ def over_time(
         "yaxis": axis(titles[0], domain=[split, 1.0], nticks=6),
         "yaxis2": axis(titles[1], domain=[0.0, split - 0.08], nticks=4),
     }
-    return Figure(anchor, height, description, data, layout(axes, **options))
+    return Figure(anchor, height, description, data, {**axes, **options})

@@ -2,25 +2,24 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from idim_iv_ros.errors import first_of
-from idim_iv_ros.fleet.result import FleetResult, FleetRobot, TypeQuantity
+from idim_iv_ros.fleet.result import (
+    FleetResult,
+    FleetRobot,
+    FleetType,
+    ParameterChange,
+    TypeQuantity,
+)
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, SHADE, Mark
-from idim_iv_ros.report.fleet_figures import change_figure, distribution_figure
-from idim_iv_ros.report.numerals import (
-    INTERVAL,
-    MISSING,
-    THIN,
-    count,
-    number,
-    p_equals,
-    plural,
-    with_digits_of,
-)
+from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band
+from idim_iv_ros.report.numerals import INTERVAL, THIN, number, plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
 
@@ -41,9 +40,19 @@ _NOTHING = {
     (False, False): f"{_FEW_ROBOTS}, and too few bags at different times to say whether one "
     "changed.",
 }
+_SECTIONS = {
+    "attention": "What needs attention",
+    "types": "Parameters of each type",
+    "changes": "Changes over time",
+    "diagnoses": "What to diagnose",
+    "bags": "Bags that were not used",
+    "limits": "What the numbers mean",
+}
 _MOST_BAGS = 3  # of a robot in a command
-_MOST_CHANGES = 60  # drawn; the others are in the table
 _MOST_NAMES = 6  # of robots in a sentence
+_ROW = 26  # pixels of one quantity
+_FARTHEST = 12.0  # deviations; what is farther is drawn there
+_SCATTER = 0.28  # of a row, so that dots do not cover each other
 
 
 def fleet_html(
@@ -54,23 +63,32 @@ def fleet_html(
     `reports` has the address of each robot's own report, relative to the page, by the name of the
     robot; the recordings of `files` are the source of the fleet.
     """
-    bags, share = plural(len(result.bags), "bag"), _share(result)
+    headlines = [headline(result)]
+    if _badge(result)[0] == "bad":
+        first = result.robots[0]
+        headlines.append(f"{first.robot}: {first.reasons[0].rstrip('.')}.")
+        headlines.append(f"At most {_share(result)} of such robots are by chance.")
+    shown = {
+        "result": result,
+        "share": _share(result),
+        "badge": _badge(result),
+        "badges": _BADGES,
+        "headlines": headlines,
+        "steps": steps(result, reports or {}, files),
+        "reports": reports or {},
+        "names_of": _names_of,
+        "type_figure": partial(_distribution_figure, result),
+        "changes": [(robot.robot, change) for robot in result.robots for change in robot.changes],
+        "change_figure": _change_figure,
+        "changes_judged": _testable(result)[1],
+    }
     return page_html(
         "Fleet",
-        f"{plural(len(result.robots), 'robot')}, {bags}",
+        f"{plural(len(result.robots), 'robot')}, {plural(len(result.bags), 'bag')}",
         _subtitle(result),
         [
-            one_section(
-                f"fleet_{anchor}.html.j2", anchor, title, result=result, share=share, **shown
-            )
-            for anchor, title, shown in (
-                ("attention", "What needs attention", _attention(result, reports or {}, files)),
-                ("types", "Parameters of each type", _types(result)),
-                ("changes", "Changes over time", _changes(result)),
-                ("diagnoses", "What to diagnose", {}),
-                ("bags", "Bags that were not used", {}),
-                ("limits", "What the numbers mean", {}),
-            )
+            one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
+            for anchor, title in _SECTIONS.items()
         ],
     )
 
@@ -83,33 +101,6 @@ def _subtitle(result: FleetResult) -> str:
         f"{number(seconds / 3600.0)}{THIN}h" if seconds >= 3600.0 else f"{number(seconds)}{THIN}s"
     )
     return f"{plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
-
-
-def _attention(result: FleetResult, reports: Mapping[str, str], files: Files) -> dict[str, Any]:
-    differs = sum(robot.differs for robot in result.robots)
-    changed = sum(bool(robot.changes) for robot in result.robots)
-    unsteady = sum(any(q.unsteady for q in robot.quantities) for robot in result.robots)
-    unused = sum(not bag.used for bag in result.bags)
-    corrupt = sum(bag.status == "corrupt" for bag in result.bags)
-    missing = sum(bag.status == "missing" for bag in result.bags)
-    why = f"{corrupt} corrupt, {missing} missing" if missing else f"{corrupt} corrupt"
-    calm = sum(robot.attention == "none" for robot in result.robots)
-    return {
-        "badge": _badge(result),
-        "headlines": _headlines(result),
-        "steps": steps(result, reports, files),
-        "tiles": [
-            ("Robots", count(len(result.robots)), f"{calm} ordinary"),
-            ("Differ from their type", count(differs), "in a parameter or a residual"),
-            ("Changed over time", count(changed), "a step or a ramp"),
-            ("Unsteady from bag to bag", count(unsteady), "more than the others"),
-            ("Bags used", count(len(result.bags) - unused), f"of {count(len(result.bags))}"),
-            ("Bags not used", count(unused), why),
-        ],
-        "reports": reports,
-        "badges": _BADGES,
-        "names_of": _names_of,
-    }
 
 
 def _badge(result: FleetResult) -> tuple[str, str, str]:
@@ -145,15 +136,6 @@ def steps(result: FleetResult, reports: Mapping[str, str], files: Files) -> list
     return contrast or [Step("Find out why they stand out:", repeat)]
 
 
-def _headlines(result: FleetResult) -> list[str]:
-    """Return sentences on the fleet, on the first robot that stands out, and on its certainty."""
-    if _badge(result)[0] != "bad":
-        return [headline(result)]
-    first, share = result.robots[0], _share(result)
-    reason = f"{first.robot}: {first.reasons[0].rstrip('.')}."
-    return [headline(result), reason, f"At most {share} of such robots are by chance."]
-
-
 def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> list[Step]:
     """Return a step that compares a robot with itself before a change, or an ordinary robot.
 
@@ -178,7 +160,6 @@ def _contrast_steps(result: FleetResult, robot: FleetRobot, files: Files) -> lis
 
 
 def _short(path: Path) -> str:
-    """Return a path relative to the working directory, if it lies in it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
@@ -204,7 +185,6 @@ def headline(result: FleetResult) -> str:
 
 
 def _share(result: FleetResult) -> str:
-    """Return the false discovery rate in percent."""
     return f"{100.0 * result.false_discoveries:g}{THIN}%"
 
 
@@ -214,71 +194,119 @@ def _names_of(robot: FleetRobot) -> tuple[str, ...]:
     return (robot.robot, *(name for name in names if not name.startswith("residual")))
 
 
-def _types(result: FleetResult) -> dict[str, Any]:
-    return {
-        "figures": [
-            distribution_figure(
-                kind,
-                [robot for robot in result.robots if robot.type == kind.type and robot.quantities],
-                place,
-            )
-            for place, kind in enumerate(result.types)
-        ],
-        "rows": [[_quantity_row(q) for q in kind.quantities] for kind in result.types],
-        "legend": [
-            Mark("sign diamond", BLUE, "a robot"),
-            Mark("sign diamond", ORANGE, "a robot that differs"),
-            Mark("band", SHADE, "95 % prediction interval of the next robot"),
-            Mark("line", GREY, "95 % interval of the mean"),
-        ],
-    }
+def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
+    """Return robots as dots, a row a quantity, in deviations from the mean of the type.
 
-
-def _quantity_row(quantity: TypeQuantity) -> list[str]:
-    half = 0.5 * (quantity.mean_high - quantity.mean_low) / INTERVAL
-    residual = quantity.kind == "residual"
-    scale, unit = (100.0, f"{THIN}%") if residual else (1.0, "")
-    sigma, between = (
-        f"{number(scale * size, 2)}{unit if math.isfinite(size) else ''}"
-        for size in (quantity.sigma, quantity.between_bags)
-    )
-    low, high = (with_digits_of(end, half) for end in (quantity.mean_low, quantity.mean_high))
-    ends = (number(scale * end, 2) for end in (quantity.sigma_low, quantity.sigma_high))
-    return [
-        quantity.name,
-        quantity.unit,
-        str(quantity.robots),
-        with_digits_of(quantity.mean, half),
-        _interval(low, high),
-        sigma,
-        _interval(*ends),
-        _interval(number(quantity.next_low, 3), number(quantity.next_high, 3)),
-        between,
-        with_digits_of(quantity.given, half),
-        ", ".join(quantity.left_out),
+    None where no quantity has a mean and a scatter.
+    """
+    robots = [robot for robot in result.robots if robot.type == kind.type and robot.quantities]
+    rows = []
+    for column, quantity in enumerate(kind.quantities):
+        estimates = [robot.quantities[column] for robot in robots]
+        ordinary = [estimate.value for estimate in estimates if not estimate.differs]
+        distances = [_deviations(quantity, 1.0, value) for value in ordinary]
+        finite = [distance for distance in distances if math.isfinite(distance)]
+        unit = float(np.sqrt(np.mean(np.square(finite)))) if len(finite) > 1 else 0.0
+        if math.isfinite(quantity.mean) and unit > 0.0:
+            rows.append((quantity, unit, estimates))
+    if not rows:
+        return None
+    shapes: list[dict[str, Any]] = []
+    marks: dict[bool, list[tuple[float, float, str]]] = {False: [], True: []}
+    for row, (quantity, unit, estimates) in enumerate(rows):
+        height = float(len(rows) - 1 - row)
+        shapes += _row_shapes(quantity, unit, height)
+        for number_of, (robot, estimate) in enumerate(zip(robots, estimates, strict=True)):
+            distance = _deviations(quantity, unit, estimate.value)
+            if not math.isfinite(distance):
+                continue
+            # Golden ratio: neighbours in the list lie far from each other.
+            shift = _SCATTER * (2.0 * ((number_of * 0.6180339887) % 1.0) - 1.0)
+            words = f"{robot.robot}: {quantity.name} {number(estimate.value, 4)} {quantity.unit}"
+            side = max(-_FARTHEST, min(_FARTHEST, distance))
+            marks[estimate.differs].append((side, height + shift, words))
+    data = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": [round(x, 3) for x, _, _ in marks[differs]],
+            "y": [round(y, 3) for _, y, _ in marks[differs]],
+            "text": [words for _, _, words in marks[differs]],
+            "marker": {"color": colour, "size": size, "opacity": opacity, "symbol": "diamond"},
+            "hovertemplate": "%{text}<extra></extra>",
+        }
+        for differs, colour, size, opacity in ((False, BLUE, 5, 0.55), (True, ORANGE, 8, 1.0))
     ]
+    names = [quantity.name for quantity, *_ in rows]
+    axes = {
+        "xaxis": axis("Distance from the mean of the type, standard deviations of its robots",
+                      range=[-_FARTHEST - 0.5, _FARTHEST + 0.5], dtick=2),
+        "yaxis": axis("", tickvals=list(range(len(names))), ticktext=names[::-1],
+                      range=[-0.6, len(names) - 0.4], showgrid=False),
+    }  # fmt: skip
+    words = f"Robots of type {kind.type} beside each other, one row for each quantity"
+    margin = {"l": 90, "r": 12, "t": 8, "b": 44}
+    return Figure(
+        f"distribution-{result.types.index(kind)}",
+        70 + _ROW * len(names),
+        words,
+        data,
+        {**axes, "shapes": shapes, "margin": margin},
+    )
 
 
-def _interval(low: str, high: str) -> str:
-    return MISSING if MISSING in (low, high) else f"{low} … {high}"
+def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
+    """Return plotly shapes of the intervals of next robot and mean, at a height."""
+    intervals = (quantity.next_low, quantity.next_high), (quantity.mean_low, quantity.mean_high)
+    following, mean = (
+        [_deviations(quantity, unit, end) for end in interval] for interval in intervals
+    )
+    shapes = []
+    if all(map(math.isfinite, following)):
+        shapes.append(band(_inside(following), (height - 0.36, height + 0.36)))
+    line = {"color": GREY, "width": 5}
+    return [*shapes, band(_inside(mean), (height, height), type="line", line=line)]
 
 
-def _changes(result: FleetResult) -> dict[str, Any]:
-    changes = [(robot, change) for robot in result.robots for change in robot.changes]
-    return {
-        "judged": any(math.isfinite(robot.change_p_value) for robot in result.robots),
-        "plots": [
-            (
-                robot.robot,
-                f"{change.name}, {change.unit}; p {p_equals(change.p_value)}",
-                change_figure(change, f"change-{place}"),
-            )
-            for place, (robot, change) in enumerate(changes[:_MOST_CHANGES])
-        ],
-        "not_drawn": max(len(changes) - _MOST_CHANGES, 0),
-        "legend": [
-            Mark("sign diamond", BLUE, "a bag, ± 95 % with what bags differ by"),
-            Mark("line", ORANGE, "what was found"),
-            Mark("band", SHADE, "95 % interval of the date at which it began"),
-        ],
+def _inside(ends: list[float]) -> tuple[float, float]:
+    return max(ends[0], -_FARTHEST), min(ends[1], _FARTHEST)
+
+
+def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
+    if quantity.kind == "residual":
+        return math.log(value / quantity.mean) / unit if value > 0.0 else math.nan
+    return (value - quantity.mean) / unit
+
+
+def _change_figure(change: ParameterChange, anchor: str) -> Figure:
+    times = list(change.times)
+    bars = [INTERVAL * std for std in change.stds]
+    dots = {
+        "type": "scatter",
+        "mode": "markers",
+        "x": times,
+        "y": list(change.values),
+        "error_y": {"type": "data", "array": bars, "color": BLUE, "thickness": 1, "width": 0},
+        "marker": {"color": BLUE, "size": 7, "symbol": "diamond"},
+        "hovertemplate": f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
     }
+    fitted = {
+        "type": "scatter",
+        "mode": "lines",
+        "x": times,
+        "y": list(change.fitted),
+        "line": {"color": ORANGE, "width": 2},
+        "hoverinfo": "skip",
+    }
+    if change.kind == "step":
+        # The level holds up to the first bag that is changed.
+        before = int(np.searchsorted(times, change.begin))
+        fitted["x"] = [times[0], change.begin, change.begin, times[-1]]
+        fitted["y"] = [change.before, change.before, change.fitted[before], change.fitted[-1]]
+    begin = band((change.begin_low, change.begin_high), (0.0, 1.0), yref="paper")
+    axes = {
+        "xaxis": axis("", type="date"),
+        "yaxis": axis(f"{change.name}, {change.unit}", nticks=6),
+    }
+    words = f"{change.name} of each bag over time, and the change that was found"
+    return Figure(anchor, 250, words, [dots, fitted], {**axes, "shapes": [begin]})

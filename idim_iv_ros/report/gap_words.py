@@ -8,6 +8,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.causes import Cause, Hint, ParameterError
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries, NotTestable, Regime
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.identification.result import IdentificationResult
@@ -34,14 +35,6 @@ _VERDICTS = {
     "both": ("bad", "≠", "parametric and structural"),
     "unknown": ("open", "?", "unknown: something is there that no certain cause explains"),
 }
-AXES = {
-    "speed": "Speed",
-    "direction": "Direction",
-    "position": "Position",
-    "load": "Load",
-    "time": "Time",
-    "reversal": "Distance since reversal",
-}
 _LEAST_SHARE = 0.01  # of the torque: a smaller parameter error is not mentioned first
 _STAGES = {"given": "nominal model", "refit": "refit"}
 
@@ -53,6 +46,17 @@ def verdict_of(result: GapResult) -> tuple[str, str, str]:
     if result.verdict != "none" or not differs:
         return badge
     return ("fair", "≈", "recordings differ; those that agree have no cause")
+
+
+def contrast_badge(contrast: ContrastResult) -> tuple[str, str, str]:
+    """Return CSS class, sign and words of the comparison's answer."""
+    if contrast.differs is None:
+        return "open", "?", "not all joints could be compared"
+    if not contrast.differs:
+        return "good", "✓", "no difference"
+    if contrast.causes:
+        return "fair", "≠", "the sets differ"
+    return "open", "?", "the sets differ, and nothing in the catalogue explains it"
 
 
 def effect_words(effect: str) -> str:
@@ -87,7 +91,9 @@ def unit_in(result: Result, unit: str, joint: str | None) -> str:
 
     Where `joint` is None, the units of all joints: ``N m or N``.
     """
-    effort = _effort_unit(result)
+    signals = result.configuration.get("signals")
+    given = signals.get("effort_unit") if isinstance(signals, Mapping) else None
+    effort = given if isinstance(given, str) else "N m"
     types = dict(zip(result.joints, result.joint_types, strict=True))
     chosen = types.values() if joint is None else [types.get(joint, "revolute")]
     units = {unit_at(unit, joint_name, effort) for joint_name in chosen}
@@ -104,14 +110,6 @@ def small_unit(result: Result, joint: str | None) -> str:
     return unit_in(result, "mrad", joint)
 
 
-def _effort_unit(result: Result) -> str:
-    if not isinstance(result, GapResult):
-        return result.effort_unit
-    signals = result.configuration.get("signals")
-    unit = signals.get("effort_unit") if isinstance(signals, Mapping) else None
-    return unit if isinstance(unit, str) else "N m"
-
-
 def torque_word(unit: str) -> str:
     """Return the name of the quantity with that unit: “Torque” for N m."""
     return {"N m": "Torque", "N": "Force", "A": "Motor current", "V": "Motor voltage"}.get(
@@ -119,18 +117,19 @@ def torque_word(unit: str) -> str:
     )
 
 
-def regime_range(regime: Regime, session: Sequence[SessionPart] = ()) -> str:
-    """Return the bounds of a regime without unit; a time as that in one of the recordings."""
+def regime_range(regime: Regime, session: Sequence[SessionPart]) -> str:
+    """Return the bounds of a regime with their unit; a time as that in one of the recordings."""
     low, high = regime.low, regime.high
     if regime.axis == "direction":
         return "backwards" if low + high < 0.0 else "forwards"
     if regime.axis == "time" and len(session) > 1:
         return in_recordings(session, low, high)
-    if not math.isfinite(high):
-        return f"> {round_number(low)}" if math.isfinite(low) else "all"
+    bounds = f"{round_number(low)} … {round_number(high)}"
     if not math.isfinite(low):
-        return f"< {round_number(high)}"
-    return f"{round_number(low)} … {round_number(high)}"
+        bounds = f"< {round_number(high)}"
+    if not math.isfinite(high):
+        bounds = f"> {round_number(low)}" if math.isfinite(low) else "all"
+    return f"{bounds} {regime.unit}".strip()
 
 
 def duration(result: GapResult) -> float:

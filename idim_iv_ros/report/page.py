@@ -5,6 +5,7 @@ import gzip
 from collections.abc import Sequence
 from functools import cache
 from importlib import resources
+from inspect import getmembers, isfunction
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -15,18 +16,15 @@ from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_words, numerals
-from idim_iv_ros.report.changes import CHANGES
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
-from idim_iv_ros.report.sections.causes import CAUSES, CONTRAST
-from idim_iv_ros.report.sections.drives import FRICTION, TRANSMISSIONS
-from idim_iv_ros.report.sections.parameters import PARAMETERS, PHYSICAL
+from idim_iv_ros.report.sections.drives import FRICTION, RESIDUAL_CURVES, TRANSMISSIONS
+from idim_iv_ros.report.sections.parameters import CHANGES, PARAMETERS, PHYSICAL
 from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
-from idim_iv_ros.report.sections.residual_curves import RESIDUAL_CURVES
 from idim_iv_ros.report.sections.stages import REGIMES, STAGES
 from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
 from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
-from idim_iv_ros.report.sections.verdict import GAP_VERDICT, VERDICT
+from idim_iv_ros.report.sections.verdict import CAUSES, CONTRAST, GAP_VERDICT, VERDICT
 
 IDENTIFICATION: tuple[Section[Any], ...] = (
     VERDICT,
@@ -91,7 +89,10 @@ def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the environment of the templates: text is escaped, undefined names are errors."""
+    """Return the environment of the templates: text is escaped, undefined names are errors.
+
+    Functions of `numerals` are filters, and those of `gap_words` may be called.
+    """
     templates = Environment(
         loader=PackageLoader("idim_iv_ros.report"),
         autoescape=True,
@@ -99,12 +100,8 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("number", "round_number", "exact", "count", "measured", "with_digits_of",
-                 "percent", "p_value", "with_unit", "sentence", "plural", "with_interval",
-                 "share"):  # fmt: skip
-        templates.filters[name] = getattr(numerals, name)
-    for name in ("torque_unit", "unit_in", "effect_at", "parameter_words"):
-        templates.globals[name] = getattr(gap_words, name)
+    templates.filters |= dict(getmembers(numerals, isfunction))
+    templates.globals |= dict(getmembers(gap_words, isfunction))
     templates.tests["finite"] = numerals.is_number
     return templates
 

@@ -1,16 +1,16 @@
 """The page of a replay: tracking error and torque of every stage beside the recording."""
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, Mark, TimeCurve, over_time
+from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, TimeCurve, over_time
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
-from idim_iv_ros.report.sections.stages import Bar, bar
+from idim_iv_ros.report.sections.stages import Bar
 from idim_iv_ros.report.time_axis import peaks
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,
@@ -35,37 +35,25 @@ _BUCKETS = 220
 
 def replay_html(result: ReplayResult, files: Files = UNPLACED) -> str:
     """Return the report of a replay as one self-contained HTML document."""
-    return page_html(
-        result.robot,
-        "replay in MuJoCo",
-        f"References of {with_unit(result.duration, 's')} of recording, "
-        f"{plural(len(result.joints), 'joint')}",
-        [one_section("replay.html.j2", "replay", "Replay", **shown(result, files))],
-    )
-
-
-def shown(result: ReplayResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """Return the variables of the template ``replay.html.j2``."""
     drawn = [stage.name for stage in result.stages if stage.tracking is not None]
-    plots = [
-        (series.joint, series.bag, replay_figure(result, series, index))
-        for index, series in enumerate(result.series)
-    ]
-    return {
-        "result": result,
-        "badge": badge(result),
-        "headline": headline(result),
-        "steps": steps(result, files),
-        "shrinkage": shrinkage(result),
-        "columns": ["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
-        "tracking": error_rows(result, "tracking"),
-        "torque": error_rows(result, "torque"),
-        "legend": [
-            Mark("line", INK, "robot"),
-            *(Mark("line", _COLOURS[name], f"simulated, {name}") for name in drawn),
-        ],
-        "plots": plots,
-    }
+    section = one_section(
+        "replay.html.j2",
+        "replay",
+        "Replay",
+        result=result,
+        badge=badge(result),
+        headline=headline(result),
+        steps=steps(result, files),
+        shrinkage=shrinkage(result),
+        columns=["Joint", *([name, "num"] for name in drawn), ["Noise", "num"]],
+        tracking=error_rows(result, "tracking"),
+        torque=error_rows(result, "torque"),
+        legend=[("line", _COLOURS[name], f"simulated, {name}") for name in drawn],
+        figure=partial(_replay_figure, result),
+    )
+    seconds, joints = with_unit(result.duration, "s"), plural(len(result.joints), "joint")
+    of = f"References of {seconds} of recording, {joints}"
+    return page_html(result.robot, "replay in MuJoCo", of, [section])
 
 
 # Joint or tool, bars, noise, nominal error, error of the best stage, and their ratio.
@@ -88,11 +76,11 @@ def shrinkage(result: ReplayResult) -> list[Row]:
     for name, before, after, noise, unit in pairs:
         longest = max(before.rms, after.high, 1e-300)
         bars = (
-            bar("full given", 0.0, before.rms / longest),
-            bar("full effect", 0.0, after.rms / longest),
-            bar("whisker", after.low / longest, after.high / longest),
+            ("full given", 0.0, before.rms / longest),
+            ("full effect", 0.0, after.rms / longest),
+            ("whisker", after.low / longest, after.high / longest),
         )
-        floor = bar("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
+        floor = ("full floor", 0.0, noise / longest) if 0.0 < noise < longest else None
         half = 0.5e3 * (after.high - after.low)
         shown = [f"{1e3 * before.rms:.3g} {unit}", f"{1e3 * after.rms:.3g} ± {half:.1g} {unit}"]
         ratio = f"{100.0 * after.rms / max(before.rms, 1e-300):.3g} %"
@@ -184,8 +172,7 @@ def error_words(error: ReplayError, scale: float, unit: str) -> str:
     return f"{scale * error.rms:.3g} ± {half:.1g} {unit}{times}"
 
 
-def replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
-    """Return a figure of one joint: tracking errors above, torques below, robot and simulations."""
+def _replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
     joint_type = result.joint_types[result.joints.index(series.joint)]
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
     chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)

@@ -20,7 +20,8 @@ from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.model.skeleton import Skeleton, skeleton
-from idim_iv_ros.report.time_axis import SessionAxis, session_axis_of
+from idim_iv_ros.recording.recording import SessionPart
+from idim_iv_ros.report.time_axis import SessionAxis, session_axis
 
 # What a page calls the configuration where its file is not known.
 CONFIGURATION = "robot.yaml"
@@ -118,7 +119,11 @@ class Report(Generic[R]):
     @cached_property
     def session(self) -> SessionAxis:
         """Return the common time axis of the recordings."""
-        return session_axis_of(self.result)
+        if isinstance(self.result, GapResult):
+            return session_axis(self.result.session)
+        bags = self.result.bags
+        parts = (SessionPart(Path(bag.path).name, bag.session_start, bag.duration) for bag in bags)
+        return session_axis(tuple(parts))
 
 
 @dataclass(frozen=True)

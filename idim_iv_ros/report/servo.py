@@ -1,12 +1,11 @@
 """The page of an identification without torques: the servos, and how well they are simulated."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, Mark, TimeCurve, over_time
+from idim_iv_ros.report.figures import BLUE, GREY, INK, Figure, TimeCurve, over_time
 from idim_iv_ros.report.numerals import plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -17,39 +16,24 @@ _HEIGHT = 260
 
 def servo_html(result: ServoResult, files: Files = UNPLACED) -> str:
     """Return the report of servos as one self-contained HTML document."""
-    recordings = plural(len(result.recordings), "recording")
-    return page_html(
-        result.robot,
-        "servos, without torques",
-        f"{recordings}, {plural(len(result.joints), 'joint')}",
-        [one_section("servo.html.j2", "servos", "Servos", **shown(result, files))],
+    section = one_section(
+        "servo.html.j2",
+        "servos",
+        "Servos",
+        result=result,
+        badge=badge(result),
+        headline=headline(result),
+        steps=steps(result, files),
+        columns=["", *([name, "num"] for name in SUMMARY_COLUMNS[1:])],
+        summary=summary_rows(result),
+        reasons=[f"{j.joint}: {j.reason}" for j in result.joints if j.reason],
+        joints=[(j.joint, number_rows((*j.numbers, *j.ratios))) for j in result.joints],
+        errors=error_rows(result),
+        gains=gain_rows(result),
+        figure=_servo_figure,
     )
-
-
-def shown(result: ServoResult, files: Files = UNPLACED) -> dict[str, Any]:
-    """Return the variables of the template ``servo.html.j2``."""
-    plots = [
-        (series.joint, series.recording, servo_figure(series, index))
-        for index, series in enumerate(result.series)
-    ]
-    return {
-        "result": result,
-        "badge": badge(result),
-        "headline": headline(result),
-        "steps": steps(result, files),
-        "columns": ["", *([name, "num"] for name in SUMMARY_COLUMNS[1:])],
-        "summary": summary_rows(result),
-        "reasons": [f"{j.joint}: {j.reason}" for j in result.joints if j.reason],
-        "joints": [(j.joint, number_rows((*j.numbers, *j.ratios))) for j in result.joints],
-        "errors": error_rows(result),
-        "gains": gain_rows(result),
-        "legend": [
-            Mark("line", GREY, "asked for"),
-            Mark("line", INK, "measured"),
-            Mark("line", BLUE, "simulated servo"),
-        ],
-        "plots": plots,
-    }
+    sizes = f"{plural(len(result.recordings), 'recording')}, {plural(len(result.joints), 'joint')}"
+    return page_html(result.robot, "servos, without torques", sizes, [section])
 
 
 _SUMMARY = {
@@ -203,8 +187,7 @@ def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
     ]
 
 
-def servo_figure(series: ServoSeries, index: int) -> Figure:
-    """Return a figure of commanded, measured and simulated position, with the residual below."""
+def _servo_figure(series: ServoSeries, index: int) -> Figure:
     residual = 1e3 * (series.measured - series.simulated)
     return over_time(
         f"servo-{index}",

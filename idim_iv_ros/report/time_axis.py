@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.diagnosis.result.document import GapResult
-from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.report.figures import GREY, MUTED
 from idim_iv_ros.types import FloatArray, IntArray
@@ -79,18 +77,6 @@ def session_axis(parts: Sequence[SessionPart]) -> SessionAxis:
     pause = _PAUSE * sum(part.duration for part in parts)
     drawn = itertools.accumulate((part.duration + pause for part in parts[:-1]), initial=0.0)
     return SessionAxis(tuple(parts), tuple(drawn) if parts else ())
-
-
-def session_axis_of(result: IdentificationResult | GapResult) -> SessionAxis:
-    """Return the axis of the recordings of a result."""
-    if isinstance(result, GapResult):
-        return session_axis(result.session)
-    return session_axis(
-        [
-            SessionPart(bag.path.rsplit("/", 1)[-1], bag.session_start, bag.duration)
-            for bag in result.bags
-        ]
-    )
 
 
 @dataclass(frozen=True)

@@ -132,27 +132,20 @@ def require_writable(
     """
     with ExitStack() as undone:
         try:
-            if not force:
-                _keep_other_report(out, names)
+            # The result beside report.html says which command wrote both.
+            for kind, (name, page, _) in _FILES.items():
+                another = page == REPORT and REPORT in names and name not in names
+                if not force and another and (out / REPORT).exists() and (out / name).exists():
+                    raise UsageError(
+                        f"{out}: holds {name} and {REPORT} of `idim-iv {kind.written_by}`, and "
+                        f"{REPORT} would be replaced; give another --out, or --force"
+                    )
             require_replaceable([out / name for name in names], force=force)
             undone.enter_context(made_folder(out))
             probe_place(out / names[0])
         except OSError as error:
             raise _refusal(out, error) from error
         yield
-
-
-def _keep_other_report(out: Path, names: Sequence[str]) -> None:
-    """Refuse a folder whose report.html is that of another command."""
-    if REPORT not in names or not (out / REPORT).exists():
-        return
-    for kind, (name, page, _) in _FILES.items():
-        # The result beside report.html says which command wrote both.
-        if page == REPORT and name not in names and (out / name).exists():
-            raise UsageError(
-                f"{out}: holds {name} and {REPORT} of `idim-iv {kind.written_by}`, and {REPORT} "
-                "would be replaced; give another --out, or --force"
-            )
 
 
 def _refusal(out: Path, error: OSError) -> UsageError:

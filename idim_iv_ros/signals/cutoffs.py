@@ -17,7 +17,6 @@ DECIMATION_SHARE = 0.4
 _LEAST_CUTOFF = 5.0  # Hz, proposed where the motion is slow or noisy: loops are faster than that
 _MOTION_TO_NOISE = 10.0  # power over the noise floor that counts as motion
 _HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
-_SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 
 
 @dataclass(frozen=True)
@@ -52,30 +51,23 @@ def choose_cutoffs(
     """
     slowest = min(records, key=lambda record: record.rate)
     rate, name = slowest.rate, f" of {slowest.name}" if len(records) > 1 else ""
-    given_position, given_decimation = processing.position_cutoff, processing.decimation_cutoff
-    for key, value in (
-        ("position_cutoff", given_position),
-        ("decimation_cutoff", given_decimation),
-    ):
+    for key in ("position_cutoff", "decimation_cutoff"):
+        value = getattr(processing, key)
         if value is not None and value >= rate / 2.0:
             raise UsageError(
                 f"{source}: processing.{key} is {value:g} Hz, but at the {rate:g} samples per "
                 f"second{name} nothing above {rate / 2.0:g} Hz is recorded"
             )
     reasons: list[str] = []
-    position = given_position
+    position, decimation = processing.position_cutoff, processing.decimation_cutoff
     if position is None:
         bandwidth = max(motion_bandwidth(record.position, record.rate) for record in records)
-        position = min(max(bandwidth, _LEAST_CUTOFF), _HIGHEST_CUTOFF * rate / 2.0)
-        if given_decimation is not None:
-            position = max(position, given_decimation / DECIMATION_SHARE)
-            position = min(position, _HIGHEST_CUTOFF * rate / 2.0)
-        position = float(f"{position:.2g}")
+        wanted = max(bandwidth, _LEAST_CUTOFF, (decimation or 0.0) / DECIMATION_SHARE)
+        position = float(f"{min(wanted, _HIGHEST_CUTOFF * rate / 2.0):.2g}")
         reasons.append(
             f"position cut-off {position:g} Hz proposed: the measured motion stands above the "
             f"position noise up to {bandwidth:.3g} Hz"
         )
-    decimation = given_decimation
     if decimation is None:
         decimation = float(f"{DECIMATION_SHARE * position:.3g}")
         reasons.append(
@@ -92,7 +84,15 @@ def choose_cutoffs(
         [record.rate for record in records], decimation, processing.decimation_edge
     )
     if common is None:
-        raise DataError(_no_common_rate(records, decimation, source))
+        names = {record.rate: record.name for record in reversed(records)}
+        rates = dict.fromkeys(record.rate for record in records)
+        listed = ", ".join(f"{names[other]} with {other:g} Hz" for other in rates)
+        raise DataError(
+            f"{listed}: no decimation that leaves {decimation:g} Hz "
+            f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them "
+            "one by one, record at rates of which one is a multiple of the other, or lower the "
+            "cut-off"
+        )
     factors, row_rate = common
     if min(factors) == 1:
         reasons.append(
@@ -110,19 +110,6 @@ def choose_cutoffs(
             "nothing is interpolated"
         )
     return Cutoffs(position, decimation, factors, row_rate, tuple(reasons))
-
-
-def _no_common_rate(records: Sequence[JointSignals], decimation: float, source: str) -> str:
-    rates = dict.fromkeys(record.rate for record in records)
-    listed = ", ".join(
-        f"{next(record.name for record in records if record.rate == rate)} with {rate:g} Hz"
-        for rate in rates
-    )
-    return (
-        f"{listed}: no decimation that leaves {decimation:g} Hz "
-        f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them one "
-        "by one, record at rates of which one is a multiple of the other, or lower the cut-off"
-    )
 
 
 def motion_bandwidth(position: FloatArray, rate: float) -> float:
@@ -144,19 +131,3 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
         end = len(moving) if moving.all() else int(np.argmin(moving))
         highest = max(highest, float(frequency[1:][max(end - 1, 0)]), 4.0 * float(frequency[1]))
     return highest
-
-
-def choose_minimum_speed(
-    processing: ProcessingSection, peak_speed: FloatArray
-) -> tuple[FloatArray, tuple[str, ...]]:
-    """Speed below which a joint is in its reversal regime, (n_joints,) rad/s, and why.
-
-    `peak_speed`: (n_joints,) largest filtered speed of each joint, rad/s.
-    """
-    if processing.minimum_speed is not None:
-        return np.array(processing.minimum_speed), ()
-    reason = (
-        f"samples slower than {100 * _SPEED_SHARE:g} % of a joint's peak speed are kept out of "
-        "its rows: the sign of the speed is not known there"
-    )
-    return _SPEED_SHARE * peak_speed, (reason,)

@@ -22,8 +22,6 @@ _ORDER = 8
 _RIPPLE = 0.05  # dB
 # The impulse response has decayed to rounding after this many samples of the decimated series.
 _MEMORY = 80
-# Signals from which on it is quicker to filter them side by side.
-_SIDE_BY_SIDE = 5
 # What MATLAB pads: three times the order. Published results depend on it (EMPS, fourth digit).
 _PADDING = 3 * _ORDER
 # Rows whose rates differ by up to this share count as equally dense: a residual's autocorrelation,
@@ -53,10 +51,8 @@ class Chunk:
 class ParallelDecimation:
     """Keep one sample in `factor` of a record of `samples`, after the low-pass filter.
 
-    - `factor`: 1 keeps everything and filters nothing
-    - `edge`: of the filter, as a share of the new Nyquist frequency
-    - `phase`: {"first", "last"}, which sample of each group is kept; ``last`` is what MATLAB's
-      decimate keeps
+    `factor`: 1 keeps everything and filters nothing. `edge`: of the filter, as a share of the new
+    Nyquist frequency. `phase`: which sample of each group is kept; MATLAB keeps the last one.
     """
 
     factor: int
@@ -68,10 +64,8 @@ class ParallelDecimation:
     def kept(self) -> NDArray[np.int64]:
         """Indices of the kept samples."""
         groups = -(-self.samples // self.factor)
-        start = 0
-        if self.phase == "last":
-            start = self.factor - (self.factor * groups - self.samples) - 1
-        return np.arange(start, self.samples, self.factor)
+        last = self.factor - (self.factor * groups - self.samples) - 1
+        return np.arange(last if self.phase == "last" else 0, self.samples, self.factor)
 
     @cached_property
     def _sections(self) -> FloatArray:
@@ -109,44 +103,31 @@ class ParallelDecimation:
         return self._filtered(lines, kept).T.reshape(len(kept), *signal.shape[1:])
 
     def _filtered(self, lines: FloatArray, kept: IntArray) -> FloatArray:
-        """Filter (k, n) along the last axis, as `scipy.signal.sosfiltfilt`, and keep some samples.
+        """Filter (k, n) forward and backward along the last axis, and keep some samples.
 
-        The result (k, len(kept)) is the same to the last bit whichever way it is computed. Many
-        lines in single precision are filtered in it, in half of the time.
+        The result (k, len(kept)) is that of `scipy.signal.sosfiltfilt` to the last bit; lines in
+        single precision are filtered in it, in half of the time.
         """
         count = min(_PADDING, lines.shape[1] - 1)
-        if len(lines) >= _SIDE_BY_SIDE:
-            precision = lines.dtype if lines.dtype in _SMALLEST else np.dtype(np.float64)
-            filtered = np.empty((len(lines), len(kept)), precision)
-            _forward_backward(
-                self._sections.astype(precision),
-                self._constant_state.astype(precision),
-                np.ascontiguousarray(lines, precision),
-                count,
-                kept,
-                np.empty((lines.shape[1] + 2 * count, _LANES), precision),
-                np.empty((_TILE, _LANES), precision),
-                np.empty((2, len(self._sections), _LANES), precision),
-                precision.type(_SMALLEST[precision]),
-                filtered,
-            )
-            return filtered
-        # That one solves for the state of a constant signal in every call, half of the time where
-        # small blocks are decimated.
-        ahead = 2.0 * lines[:, :1] - lines[:, count:0:-1]
-        behind = 2.0 * lines[:, -1:] - lines[:, -2 : -count - 2 : -1]
-        padded = np.concatenate([ahead, lines, behind], axis=-1)
-        for _ in range(2):
-            start = np.multiply.outer(self._constant_state, padded[:, 0])
-            filtered = scipy.signal.sosfilt(self._sections, padded, zi=np.moveaxis(start, 1, -1))[0]
-            padded = filtered[:, ::-1]
-        return np.asarray(padded[:, kept + count])
+        precision = lines.dtype if lines.dtype in _SMALLEST else np.dtype(np.float64)
+        filtered = np.empty((len(lines), len(kept)), precision)
+        _forward_backward(
+            self._sections.astype(precision),
+            self._constant_state.astype(precision),
+            np.ascontiguousarray(lines, precision),
+            count,
+            kept,
+            np.empty((lines.shape[1] + 2 * count, _LANES), precision),
+            np.empty((_TILE, _LANES), precision),
+            np.empty((2, len(self._sections), _LANES), precision),
+            precision.type(_SMALLEST[precision]),
+            filtered,
+        )
+        return filtered
 
     def at(self, signal: FloatArray, places: IntArray) -> FloatArray:
         """Filter a whole record (n_samples, …) and keep the samples at `places`, any of them."""
-        return self.apply(
-            signal, Chunk(0, self.samples, np.asarray(places, dtype=np.int64), slice(None))
-        )
+        return self.apply(signal, Chunk(0, self.samples, places, slice(None)))
 
     def settling(self, tolerance: float) -> int:
         """Samples that one waits for; see `settling_samples`."""
@@ -154,7 +135,7 @@ class ParallelDecimation:
 
     def whole(self, signal: FloatArray) -> FloatArray:
         """Decimate a whole record (n_samples, …) at once."""
-        return self.apply(signal, Chunk(0, self.samples, self.kept, slice(None)))
+        return self.at(signal, self.kept)
 
 
 def decimation_factor(rate: float, cutoff: float, edge: float) -> int:
@@ -199,15 +180,9 @@ def _forward_backward(
     `scipy.signal.sosfilt` filters one signal after the other, and each step of a recursion waits
     for the one before. Here `_LANES` signals take each step together, tile by tile, so that a tile
     stays in the cache; the operations and their order are those of `sosfilt`, so that every bit is
-    the same down to numbers of 1e-200.
-
-    - `sections`: (n_sections, 6)
-    - `constant_state`: (n_sections, 2), state of the filter in a signal that is 1 for ever
-    - `padding`: samples by which each end is extended, point by point about the end
-    - `kept`: (m,) int, increasing, samples that are wanted
-    - `work`: (n + 2 padding, lanes), overwritten; so are `tile`, (steps, lanes), and `states`, (2,
-      n_sections, lanes)
-    - `smallest`: state that is taken for zero
+    the same down to numbers of 1e-200. Each end is extended by `padding` samples, point by point
+    about it; `kept` (m,) increases; `work`, `tile` and `states` are overwritten; states below
+    `smallest` are taken for zero.
     """
     lanes, size = tile.shape[1], tile.shape[0]
     count, samples = lines.shape

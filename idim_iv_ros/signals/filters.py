@@ -54,11 +54,8 @@ def settling_samples(sections: FloatArray, tolerance: float) -> int:
     Run backward over a record that ends at a time L after a sample, a filter lacks what its impulse
     response h would have taken from later: the error is at most 2 Σ_{k > L} |h_k| times the largest
     value of the signal (the record is continued by an odd reflection, whose acceleration is bounded
-    by that of the motion). With that sum below `tolerance`, a sample that waits for L agrees with
-    the filter over the whole recording to twice that share.
-
-    `sections` (n, 6): second-order sections of one pass, as of SciPy; `tolerance`: share of Σ
-    |h_k|.
+    by that of the motion): twice `tolerance` for a sample that waits for L. `sections` (n, 6):
+    second-order sections of one pass, as of SciPy.
     """
     poles = np.abs(np.concatenate([np.roots(section[3:]) for section in sections]))
     length = int(_LONGEST / -np.log(min(poles.max(), 1.0 - 1e-9))) + 2

@@ -113,23 +113,20 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     unit = configuration.signals.effort_unit
     _require_possible(name, robot.joints, "torque", unit, torque, _TORQUES)
     invented = transform.touched(recording.position.invented, recording.effort.invented)
-    measured = velocity = None
-    if recording.velocity is not None:
-        measured = transform.velocity(recording.velocity.values)
     if unasked is not None:
         invented |= unasked
-    if recording.velocity_reference is not None and configuration.signals.effort_topic is not None:
-        velocity = transform.velocity(recording.velocity_reference.values)
-    link = recording.link_position
+    measured, link = recording.velocity, recording.link_position
+    servo = configuration.signals.effort_topic is None
+    asked = None if servo else recording.velocity_reference
     return JointSignals(
         name=name,
         rate=recording.rate,
         position=position,
         torque=torque,
         valid=~invented,
-        velocity=measured,
+        velocity=None if measured is None else transform.velocity(measured.values),
         position_reference=reference,
-        velocity_reference=velocity,
+        velocity_reference=None if asked is None else transform.velocity(asked.values),
         link_position=None if link is None else link.values,
         link_valid=None if link is None else ~link.invented,
     )
@@ -199,7 +196,6 @@ def _require_possible(
     values: FloatArray,
     peaks: tuple[float, float],
 ) -> None:
-    """Refuse a joint whose largest value is outside of what a robot can have."""
     for joint, peak in zip(joints, np.abs(values).max(axis=0, initial=0.0), strict=True):
         if not peaks[0] <= peak <= peaks[1]:
             raise DataError(

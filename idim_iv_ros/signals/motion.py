@@ -9,12 +9,13 @@ import scipy
 
 from idim_iv_ros.configuration import ProcessingSection
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.signals.cutoffs import Cutoffs, choose_minimum_speed
+from idim_iv_ros.signals.cutoffs import Cutoffs
 from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.joint_side import JointSignals
 from idim_iv_ros.types import BoolArray, FloatArray
 
+_SPEED_SHARE = 0.01  # of the peak speed: reversal regime when the user names none
 _EDGE_PERIODS = 2.0  # of the position cut-off, cut at each end when the user names no trim
 _EDGE_GROUPS = 2  # decimated samples cut at each end, likewise
 # Decimated samples dropped on either side of a slow one when the user names no margin.
@@ -122,7 +123,14 @@ def filter_motion(
         filtered.append(position)
         still &= _stands_still(record.position, position)
     if still.all():
-        raise DataError(_why_still(signals, filtered, joints))
+        ranges = np.array([np.ptp(record.position, axis=0) for record in signals])
+        place, joint = divmod(int(np.argmax(ranges)), ranges.shape[1])
+        noise = float(np.std((signals[place].position - filtered[place])[:, joint]))
+        raise DataError(
+            f"{', '.join(record.name for record in signals)}: no joint moves: the most is "
+            f"{joints[joint]} over {ranges[place, joint]:.2g} (rad, or m), with noise of "
+            f"{noise:.2g} (σ); record an exciting motion"
+        )
     spans = [
         _span(record, processing, cutoffs.position, factor)
         for record, factor in zip(signals, cutoffs.factors, strict=True)
@@ -134,7 +142,13 @@ def filter_motion(
         for joint, motion in enumerate(position[span].T):
             peak = np.abs(np.gradient(motion, 1.0 / record.rate)).max()
             peaks[joint] = max(peaks[joint], float(peak))
-    minimum_speed, why = choose_minimum_speed(processing, peaks)
+    minimum_speed, why = np.array(processing.minimum_speed), ""
+    if processing.minimum_speed is None:
+        minimum_speed = _SPEED_SHARE * peaks
+        why = (
+            f"samples slower than {100 * _SPEED_SHARE:g} % of a joint's peak speed are kept out of "
+            "its rows: the sign of the speed is not known there"
+        )
     motions = tuple(
         decimated_motion(
             record, position, span, processing, (cutoffs.position, factor), minimum_speed, couplings
@@ -144,42 +158,25 @@ def filter_motion(
         )
     )
     at_rest = tuple(name for name, rests in zip(joints, still, strict=True) if rests)
-    if at_rest:
-        why = (f"{', '.join(at_rest)} stands still: its noise is not taken for motion", *why)
-    return motions, minimum_speed, at_rest, why
-
-
-def _why_still(
-    signals: Sequence[JointSignals], filtered: Sequence[FloatArray], joints: Sequence[str]
-) -> str:
-    """Say how far the joint that moves most does, and how large its noise is."""
-    names = ", ".join(record.name for record in signals)
-    ranges = np.array([np.ptp(record.position, axis=0) for record in signals])
-    record, joint = divmod(int(np.argmax(ranges)), ranges.shape[1])
-    noise = float(np.std((signals[record].position - filtered[record])[:, joint]))
-    return (
-        f"{names}: no joint moves: the most is {joints[joint]} over {ranges[record, joint]:.2g} "
-        f"(rad, or m), with noise of {noise:.2g} (σ); record an exciting motion"
-    )
+    still_words = f"{', '.join(at_rest)} stands still: its noise is not taken for motion"
+    reasons = (still_words if at_rest else "", why)
+    return motions, minimum_speed, at_rest, tuple(filter(None, reasons))
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:
-    still = np.empty(raw.shape[1], dtype=bool)
-    for joint, (recorded, smooth) in enumerate(zip(raw.T, filtered.T, strict=True)):
+    still = []
+    for recorded, smooth in zip(raw.T, filtered.T, strict=True):  # one at a time, for the memory
         noise = _STILL_NOISE * float(np.std(recorded - smooth))
         steps = np.abs(np.diff(recorded))
         step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
-        still[joint] = np.ptp(smooth) < max(_STILL_RANGE, noise) or (
-            np.ptp(recorded) < _STILL_STEPS * step
-        )
-    return still
+        rests = np.ptp(smooth) < max(_STILL_RANGE, noise)
+        still.append(rests or np.ptp(recorded) < _STILL_STEPS * step)
+    return np.array(still)
 
 
 def _span(record: JointSignals, processing: ProcessingSection, cutoff: float, factor: int) -> slice:
-    if processing.trim is not None:
-        cut = [round(seconds * record.rate) for seconds in processing.trim]
-    else:
-        cut = [round(_EDGE_PERIODS / cutoff * record.rate)] * 2
+    trim = processing.trim or [_EDGE_PERIODS / cutoff] * 2
+    cut = [round(seconds * record.rate) for seconds in trim]
     samples = len(record.position)
     if samples - sum(cut) < 10 * factor:
         raise DataError(

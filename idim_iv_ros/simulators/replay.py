@@ -16,8 +16,7 @@ from idim_iv_ros.diagnosis.refit.held_out import time_blocks
 from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.estimation.instruments import SimulatedLoop
-from idim_iv_ros.estimation.sources import instrument_sources
+from idim_iv_ros.estimation.instruments import SimulatedLoop, instrument_sources
 from idim_iv_ros.files import EFFECTS, FilePath, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import RobotModel

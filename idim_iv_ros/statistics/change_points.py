@@ -107,7 +107,12 @@ def change_of(
     )
     sizes = along / norms
     half = float(scipy.stats.t.isf(0.5 * (1.0 - _LEVEL), dof)) * np.sqrt(rests / dof) / norms
-    before, before_std = _level_before(values - sizes[best] * shapes[best], roots, shapes[best])
+    # Level of the series without its change, and its deviation with the change free.
+    total, shape = float(np.sum(roots**2)), shapes[best]
+    weights = roots**2 / total
+    first, second = float(weights @ shape), float(weights @ shape**2)
+    before = float(weights @ (values - sizes[best] * shape))
+    before_std = float(np.sqrt(second / (second - first**2) / total))
     before_std *= float(np.sqrt(rests[best] / dof))
     return Change(
         kind=kind,
@@ -120,19 +125,8 @@ def change_of(
         size=float(sizes[best]),
         size_low=float(np.min(sizes[possible] - half[possible])),
         size_high=float(np.max(sizes[possible] + half[possible])),
-        fitted=before + sizes[best] * shapes[best],
+        fitted=before + sizes[best] * shape,
     )
-
-
-def _level_before(
-    unchanged: FloatArray, roots: FloatArray, shape: FloatArray
-) -> tuple[float, float]:
-    """Level of the series without its change, and its deviation for φ = 1, the change free."""
-    total = float(np.sum(roots**2))
-    weights = roots**2 / total
-    mean, second = float(weights @ shape), float(weights @ shape**2)
-    deviation = np.sqrt(second / (second - mean**2) / total)
-    return float(weights @ unchanged), float(deviation)
 
 
 def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:

@@ -38,9 +38,13 @@ def smooth(x: FloatArray, y: FloatArray, time: FloatArray) -> SmoothCurve:
     `x`, `y`, `time` (r,): abscissa (in the scale that is drawn), ordinate, and the increasing time
     of the session, s.
     """
-    grid, cell = _cells(x)
-    if len(grid) == 0:
-        return SmoothCurve(grid, grid, grid, grid)
+    # Between the outermost half percents.
+    low, high = np.percentile(x, [0.5, 99.5]) if len(x) else (0.0, 0.0)
+    if not high > low:
+        return SmoothCurve(*[np.zeros(0)] * 4)
+    edges = np.linspace(low, high, _CELLS + 1)
+    grid = 0.5 * (edges[1:] + edges[:-1])
+    cell = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, _CELLS - 1)
     block = _blocks(time)
     place = block * _CELLS + cell
     shape = (int(block.max()) + 1, _CELLS)
@@ -60,18 +64,6 @@ def smooth(x: FloatArray, y: FloatArray, time: FloatArray) -> SmoothCurve:
     error = np.sqrt(visits / np.maximum(visits - 1, 1) * spread) / safe
     error[visits < _FEWEST_BLOCKS] = np.nan
     return SmoothCurve(grid, mean, mean - 1.96 * error, mean + 1.96 * error)
-
-
-def _cells(x: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Grid between the outermost half percents, and the cell of each sample."""
-    if len(x) == 0:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
-    low, high = np.percentile(x, [0.5, 99.5])
-    if not high > low:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
-    edges = np.linspace(low, high, _CELLS + 1)
-    cell = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, _CELLS - 1)
-    return 0.5 * (edges[1:] + edges[:-1]), cell
 
 
 def _blocks(time: FloatArray) -> NDArray[np.int64]:

@@ -30,15 +30,12 @@ LARGEST_STANDARD_ERROR = 0.05
 def wald_test_of_instruments(
     joints: Sequence[JointRows],
     parameters: FloatArray,
-    *,
-    not_simulated: str | None = None,
     simulation_errors: Sequence[FloatArray] | None = None,
 ) -> tuple[HypothesisTest, ...]:
     """Test the instruments for all rows and joint by joint (paper, equation 10).
 
-    - `joints`: unfiltered rows; the test whitens them itself
-    - `not_simulated`: why the instruments do not come from a simulation of the loop. Such
-      instruments share the noise of X by construction, and no test is run.
+    - `joints`: unfiltered rows, whose instruments come from a simulation of the loop: others share
+      the noise of X by construction; the test whitens them itself
     - `simulation_errors`: sequence of (r_j, n_draws), draws of the change of Z β̂ that comes from
       the uncertainty of the parameters with which the instruments were simulated. Without them the
       parameters are taken as known.
@@ -51,7 +48,7 @@ def wald_test_of_instruments(
     tests: list[HypothesisTest] = []
     draws = simulation_errors or [np.zeros((len(rows.torque), 0)) for rows in joints]
     for rows, errors in zip(joints, draws, strict=True):
-        reason = not_simulated or _obstacle(rows, parameters)
+        reason = _obstacle(rows, parameters)
         if reason is not None:
             tests.append(HypothesisTest.not_run(VALID, rows.name, reason))
             continue
@@ -70,7 +67,7 @@ def wald_test_of_instruments(
         )
     if fits:
         return (_test_of_all(fits, parameters), *tests)
-    reasons = {test.reason for test in tests if test.reason}
+    reasons = {test.reason or "" for test in tests}
     reason = reasons.pop() if len(reasons) == 1 else "no joint can be tested"
     return (HypothesisTest.not_run(VALID, "all", reason), *tests)
 
@@ -154,7 +151,13 @@ def _satterthwaite_f_test(
     if rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(VALID, scope, "no error V is left to judge by")
     variance = unexplained / dof
-    trace, trace_of_square = _draws_energy(basis.vectors.T @ factor[:, width + 1 :], rank)
+    draws = basis.vectors.T @ factor[:, width + 1 :]
+    count, trace, trace_of_square = draws.shape[1], 0.0, 0.0
+    if count > 1:  # tr A and tr A² of the covariance A of the draws
+        products = draws.T @ draws
+        trace = float(np.trace(products)) / count
+        square = float(np.mean(products[~np.eye(count, dtype=bool)] ** 2))
+        trace_of_square = min(max(square, trace**2 / rank), trace**2)
     mean = rank * variance + trace
     spread_of_energy = rank * variance**2 + 2.0 * variance * trace + trace_of_square
     freedom = max(1, round(mean**2 / spread_of_energy))
@@ -170,18 +173,6 @@ def _satterthwaite_f_test(
         max_deviation=deviation,
         torque_deviation_percent=torque_percent,
     )
-
-
-def _draws_energy(draws: FloatArray, rank: int) -> tuple[float, float]:
-    """Tr A and tr A² of the covariance A of draws (rank, n_draws)."""
-    count = draws.shape[1]
-    if count < 2:
-        return 0.0, 0.0
-    products = draws.T @ draws
-    trace = float(np.trace(products)) / count
-    apart = products[~np.eye(count, dtype=bool)]
-    square = float(np.mean(apart**2))
-    return trace, min(max(square, trace**2 / rank), trace**2)
 
 
 def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
@@ -226,7 +217,7 @@ def torque_deviation(
 
 
 def exogeneity_test(
-    joints: Sequence[JointRows], parameters: FloatArray, *, not_simulated: str | None = None
+    joints: Sequence[JointRows], parameters: FloatArray
 ) -> tuple[HypothesisTest, ...]:
     """Test whether X is exogenous, for all rows and joint by joint.
 
@@ -236,9 +227,6 @@ def exogeneity_test(
     Parameters and scopes are those of `wald_test_of_instruments`. With instruments that do not
     come from a simulation V̂ is not the error of X.
     """
-    if not_simulated is not None:
-        scopes = ("all", *(rows.name for rows in joints))
-        return tuple(HypothesisTest.not_run(EXOGENOUS, scope, not_simulated) for scope in scopes)
     width = len(parameters)
     factors, places, tests, n_rows = [], [], [], 0
     for rows in joints:

@@ -12,7 +12,7 @@ autoregressive model of the residual.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -82,35 +82,38 @@ def specification_tests(
     candidates: Sequence[Mapping[str, FloatArray]],
     *,
     alpha: float = 0.05,
-    not_simulated: str | None = None,
-) -> tuple[HypothesisTest, ...]:
+) -> tuple[tuple[HypothesisTest, ...], ...]:
     """Test the residual of each joint against each family of functions of the motion.
 
     - `candidates`: one mapping for each joint, family to (r_j, m) functions of the simulated motion
       at these rows
     - `alpha`: probability that a right model is accused anywhere; each test is at a tenth of α over
       their number, because the autocorrelation of the residual is estimated
-    - `not_simulated`: why there is no simulated motion: no test is run
 
-    Returns tests of scope ``joint: family``, joint by joint.
+    Returns tests of scope ``joint: family`` for each joint.
     `torque_deviation_percent` is the rms of what the functions explain of the residual, less what
     noise alone would give, in percent of that of the torque.
     """
-    tests = []
-    for rows, families in zip(joints, candidates, strict=True):
-        for family, functions in families.items():
-            scope, null = f"{rows.name}: {family}", NULL.format(family=family)
-            if not_simulated is not None:
-                tests.append(HypothesisTest.not_run(null, scope, not_simulated))
-            else:
-                tests.append(_test(rows, parameters, functions, scope, null))
-    run = max(sum(test.p_value is not None for test in tests), 1)
-    return tuple(replace(test, alpha=_CAUTION * alpha / run) for test in tests)
+    tests = [
+        [_test(rows, parameters, family, functions) for family, functions in families.items()]
+        for rows, families in zip(joints, candidates, strict=True)
+    ]
+    run = max(sum(test.p_value is not None for test in chain(*tests)), 1)
+    level = _CAUTION * alpha / run
+    return tuple(tuple(replace(test, alpha=level) for test in of_joint) for of_joint in tests)
+
+
+def tests_not_run(joint: str, reason: str, alpha: float) -> tuple[HypothesisTest, ...]:
+    """Return the tests of a joint for which there is no simulated motion, with the reason."""
+    scopes = {NULL.format(family=family): f"{joint}: {family}" for family in FAMILIES}
+    level = _CAUTION * alpha
+    return tuple(HypothesisTest.not_run(null, at, reason, level) for null, at in scopes.items())
 
 
 def _test(
-    rows: JointRows, parameters: FloatArray, functions: FloatArray, scope: str, null: str
+    rows: JointRows, parameters: FloatArray, family: str, functions: FloatArray
 ) -> HypothesisTest:
+    scope, null = f"{rows.name}: {family}", NULL.format(family=family)
     residual = rows.residual(parameters)
     beyond, spare = _directions(rows.instruments, functions)
     width = beyond.shape[1]

@@ -206,7 +206,12 @@ def judge_all(
         if inconclusive:
             sentence += f" The tests are inconclusive at {_names(inconclusive)}."
         return OverallVerdict("misspecified", sentence + small)
-    if instruments is not None and _shared(joints, instruments):
+    alone = any(joint.rejected for joint in joints)
+    sizes = [joint.torque_percent for joint in joints]
+    if instruments is not None:
+        sizes.append(instruments.torque_deviation_percent)
+    little = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
+    if instruments is not None and instruments.accepted is False and not (little or alone):
         return OverallVerdict(
             "misspecified",
             "No joint alone rejects its instruments, but all rows together do "
@@ -226,14 +231,6 @@ def judge_all(
         return OverallVerdict("autocorrelated", head + rest + small)
     rest = "" if small else " The estimates and their standard deviations hold."
     return OverallVerdict("valid", f"{head} The residuals are white.{rest}{small}")
-
-
-def _shared(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> bool:
-    """Whether all rows reject the instruments, no joint alone does, and it is not too little."""
-    sizes = [instruments.torque_deviation_percent, *(joint.torque_percent for joint in joints)]
-    little = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
-    alone = any(joint.rejected for joint in joints)
-    return instruments.accepted is False and not little and not alone
 
 
 def _small(largest: Sequence[JointVerdict]) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.identification.references import repeats_motion, wrong_references
+from idim_iv_ros.identification.sanity import repeats_motion, wrong_references
 
 TIME = np.arange(3000) / 100.0
 REFERENCE = np.column_stack([np.sin(1.7 * TIME), 0.5 * np.sin(0.9 * TIME + 1.0)])

@@ -14,8 +14,7 @@ from rich.console import Console
 from bags.simulated_arms import arm6
 from idim_iv_ros.cli.identify import print_parameters, print_verdict
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.estimation.idim_iv import RefinedIdimIv
-from idim_iv_ros.identification.assembly import refined_result
+from idim_iv_ros.identification.identify import refined_result
 from idim_iv_ros.identification.result import IMPOSSIBLE, NOT_SIGNIFICANT, IdentificationResult
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.report.page import report_html
@@ -100,12 +99,9 @@ def test_an_essential_parameter_that_whitening_moves_beyond_noise_is_named(devia
         first, value=parameter.value + deviations * float(np.hypot(parameter.std, first.std))
     )
     estimates = (far, *others)
-    refined = RefinedIdimIv(
-        np.array([estimate.value for estimate in estimates]),
-        np.diag([estimate.std**2 for estimate in estimates]),
-        (),
-    )
-    made = refined_result(refined, (parameter, *result.parameters[1:]))
+    values = np.array([estimate.value for estimate in estimates])
+    covariance = np.diag([estimate.std**2 for estimate in estimates])
+    made = refined_result(values, covariance, (), (parameter, *result.parameters[1:]))
     assert made.moved == ((parameter.name,) if essential and deviations > 3.0 else ())
 
 

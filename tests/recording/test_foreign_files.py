@@ -18,8 +18,7 @@ from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.recording.table import import_table
-from idim_iv_ros.recording.table_map import proposed_map
+from idim_iv_ros.recording.table import import_table, proposed_map
 from tests.recording.bag_writer import STORE, float_array, joint_state, steady, write
 
 

@@ -9,9 +9,8 @@ from pyarrow import parquet
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.read import read_recordings
-from idim_iv_ros.recording.table import ImportSummary, import_table
+from idim_iv_ros.recording.table import ImportSummary, import_table, proposed_map
 from idim_iv_ros.recording.table_file import read_array
-from idim_iv_ros.recording.table_map import proposed_map
 
 JOINTS = ["pan", "lift", "gripper"]
 FRAMES, RATE = 90, 30.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idim_iv_ros.recording.sampling import sampling_times
+from idim_iv_ros.recording.clock import sampling_times
 
 RATE, SAMPLES, JITTER = 250.0, 15_000, 3e-4
 START = 1_700_000_000_000_000_000  # ns

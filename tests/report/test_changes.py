@@ -15,10 +15,10 @@ from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.report import numerals
-from idim_iv_ros.report.changes import changed_values
 from idim_iv_ros.report.numerals import MISSING, count, exact, measured, number, p_value, percent
 from idim_iv_ros.report.page import gap_report_html
 from idim_iv_ros.report.section import Nominal, read_nominal
+from idim_iv_ros.report.sections.parameters import changed_values
 from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves, session_axis
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result

@@ -66,12 +66,13 @@ def test_a_joint_that_stands_still_or_has_no_rows_is_no_error() -> None:
 
 
 def test_the_simulation_gap_is_drawn_by_itself_in_its_own_unit() -> None:
-    series = sample_gap(2, "structural").tracking[0]
-    traces = tracking_figure(series, "mrad").data
+    result = sample_gap(2, "structural")
+    series = result.tracking[0]
+    traces = tracking_figure(result, series).data
     assert [trace.get("yaxis") for trace in traces] == [None, "y2", None, "y2", None]
     assert traces[-1]["hovertemplate"].startswith("robot")
     largest = 1e3 * np.abs(series.measured - series.before).max()
-    lines = tracking_figure(replace(series, after=None), "mrad").data
+    lines = tracking_figure(result, replace(series, after=None)).data
     assert [trace.get("yaxis") for trace in lines] == [None, "y2", None]
     assert "before − robot" in lines[1]["hovertemplate"]
     assert np.abs(_numbers(lines[1]["y"])).max() == pytest.approx(largest, rel=1e-4)

@@ -141,7 +141,7 @@ def slow_functions(rng, count, columns):
 
 
 def p_value(rows, estimate, functions):
-    return specification_tests([rows], estimate, [{"position": functions}])[0].p_value
+    return specification_tests([rows], estimate, [{"position": functions}])[0][0].p_value
 
 
 def test_statistic_is_the_f_of_nested_least_squares_when_the_noise_is_white():
@@ -156,7 +156,7 @@ def test_statistic_is_the_f_of_nested_least_squares_when_the_noise_is_white():
     rows = joint_rows("joint", z, z, torque, np.arange(columns), (slice(0, count),))
     both = np.column_stack([z, functions])
     assert gls_regression_from_rest(torque - z @ estimate, both, rows.segments).errors.order == 0
-    test = specification_tests([rows], estimate, [{"position": functions}])[0]
+    test = specification_tests([rows], estimate, [{"position": functions}])[0][0]
     whole, nested = sm.OLS(torque, both).fit(), sm.OLS(torque, z).fit()
     statistic, p, df = whole.compare_f_test(nested)
     assert test.statistic == pytest.approx(statistic, rel=1e-6)
@@ -206,7 +206,7 @@ def test_what_is_missing_is_found_even_where_it_drowns_the_noise(coefficients, s
     torque = rows.torque + share * noise * missing
     estimate = np.linalg.solve(rows.instruments.T @ rows.matrix, rows.instruments.T @ torque)
     wrong = joint_rows("joint", rows.matrix, rows.instruments, torque, rows.columns, rows.segments)
-    test = specification_tests([wrong], estimate, [{"position": functions}])[0]
+    test = specification_tests([wrong], estimate, [{"position": functions}])[0][0]
     assert test.accepted is False
     relative = 100.0 * share * noise / np.sqrt(np.mean(torque**2))
     # What the model's own columns hold of the missing term does not show in the residual.
@@ -216,7 +216,7 @@ def test_what_is_missing_is_found_even_where_it_drowns_the_noise(coefficients, s
 def test_functions_that_the_model_holds_are_not_tested():
     rng = np.random.default_rng(2)
     rows, estimate = autocorrelated_world(rng, [], [], n_rows=300, n_columns=6)
-    test = specification_tests([rows], estimate, [{"speed": rows.instruments[:, :3]}])[0]
+    test = specification_tests([rows], estimate, [{"speed": rows.instruments[:, :3]}])[0][0]
     assert test.p_value is None
     assert "model holds" in test.reason
 

@@ -19,9 +19,9 @@ from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
+from idim_iv_ros.estimation.instruments import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
-from idim_iv_ros.estimation.sources import InstrumentSources, instrument_sources
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import Recording

@@ -21,9 +21,8 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     LawSpeed,
     away_from_events,
 )
-from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.estimation.instruments import InstrumentSources, SimulatedLoop
 from idim_iv_ros.estimation.qr import independent_basis
-from idim_iv_ros.estimation.sources import InstrumentSources
 from idim_iv_ros.simulation import factor_of_lateness
 
 # Share of the newest difference in a first-order filter: from a hardly filtered speed to one that

@@ -4,10 +4,9 @@ import os
 import tempfile
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import IO, Protocol
 
@@ -19,7 +18,6 @@ from idim_iv_ros.recording.bags.joint_message_type import SchemaText
 # What is fetched at once: an object store takes some ten milliseconds to answer at all, in which it
 # could have sent about this much.
 READ_AHEAD = 1 << 20
-_TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their bytes
 
 
 @dataclass(frozen=True)
@@ -90,25 +88,8 @@ def opened(source: ByteSource) -> Iterator[IO[bytes]]:
     with tempfile.TemporaryFile(prefix="idim_iv_") as file:
         for first in range(0, source.size, READ_AHEAD):
             file.write(source.read(first, min(first + READ_AHEAD, source.size)))
-        file.flush()
+        file.seek(0)
         yield file
-
-
-def in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str, MessageBatch]]:
-    """Group messages (topic, log time in ns, bytes) by topic, up to 20,000 at a time."""
-    remaining = iter(messages)
-    while True:
-        by_topic: dict[str, list[tuple[int, bytes]]] = {}
-        size = 0
-        for topic, stamp, data in islice(remaining, _TOGETHER):
-            by_topic.setdefault(topic, []).append((stamp, data))
-            size += len(data)
-            if size > _BYTES_TOGETHER:
-                break
-        if not by_topic:
-            return
-        for topic, given in by_topic.items():
-            yield topic, MessageBatch.of(sorted(given, key=lambda message: message[0]))
 
 
 @dataclass

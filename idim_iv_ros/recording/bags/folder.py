@@ -61,7 +61,8 @@ class Bag:
         Raises UsageError: no such file or folder. DataError: not a bag.
         """
         with ExitStack() as stack:
-            for path, file in self._files(stack):
+            for path in list(self.sources) or bag_files(self.path):
+                file = self._file(path, stack)
                 for topic, batch in file.batches(wanted):
                     self._add_types(file)
                     self.seen[topic] += len(batch)
@@ -83,16 +84,9 @@ class Bag:
 
         Raises UsageError: no such file or folder. DataError: not a bag.
         """
-        topics: dict[str, str] = {}
-        with ExitStack() as stack:
-            for _, file in self._files(stack):
-                deque(file.batches(set()), maxlen=0)
-                topics.update(file.topics)
-        return topics
-
-    def _files(self, stack: ExitStack) -> Iterator[tuple[Path, BagFile]]:
-        for path in list(self.sources) or bag_files(self.path):
-            yield path, self._file(path, stack)
+        bag = self.unread()
+        deque(bag.batches(set()), maxlen=0)
+        return bag.topics
 
     def _add_types(self, file: BagFile) -> None:
         for topic, kind in file.topics.items():
@@ -103,21 +97,23 @@ class Bag:
         source = self.sources.get(path)
         if source is not None and path.suffix.lower() == ".mcap":
             return McapFile(path, source=source)
-        local = path if source is None else _copy(path, source, stack)
+        local = path
+        if source is not None:  # a database, or compressed as a whole: it cannot be read in parts
+            local = _temporary(stack) / path.name
+            with opened(source) as content, local.open("wb") as target:
+                shutil.copyfileobj(content, target)
         whole = _decompress(local, stack) if local.suffix.lower() == ".zstd" else local
         if whole.suffix.lower() == ".mcap":
             return McapFile(whole, source=LocalFile(whole))
         return SqliteFile(whole)
 
     def _count_missing(self, wanted: set[str]) -> None:
-        """Count missing messages against metadata.yaml, if that has counts."""
         counts = _counts(self.path)
         if any(counts.get(topic, 0) < self.seen[topic] for topic in self.seen):
             return
-        expected = {topic: count for topic, count in counts.items() if topic in wanted}
-        if expected:
-            self.missing = Counter({t: count - self.seen[t] for t, count in expected.items()})
-            self.counted = True
+        missing = {t: count - self.seen[t] for t, count in counts.items() if t in wanted}
+        if missing:
+            self.missing, self.counted = Counter(missing), True
 
 
 def bags_of(bags: FilePaths) -> tuple[Bag, ...]:
@@ -164,7 +160,6 @@ def is_bag_file(name: str) -> bool:
 
 
 def _listed_files(folder: Path) -> list[Path]:
-    """Return the existing files that metadata.yaml lists, in its order."""
     information = _information(folder)
     if str(information.get("compression_mode", "")).lower() == "message":
         raise DataError(
@@ -212,15 +207,6 @@ def _temporary(stack: ExitStack) -> Path:
     return Path(folder.name)
 
 
-def _copy(path: Path, source: ByteSource, stack: ExitStack) -> Path:
-    """Copy a remote file that cannot be read in parts (a database, or compressed as a whole)."""
-    out = _temporary(stack) / path.name
-    with opened(source) as content, out.open("wb") as target:
-        content.seek(0)
-        shutil.copyfileobj(content, target)
-    return out
-
-
 def _decompress(path: Path, stack: ExitStack) -> Path:
     out = _temporary(stack) / path.with_suffix("").name
     try:
@@ -238,12 +224,9 @@ def loss_notes(bag: Bag, topics: Sequence[str]) -> list[Note]:
     """
     if not bag.damages:
         return []
-    losses = {
-        topic: f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
-        for topic in topics
-    }
-    parts = (
-        f"{bag.seen[topic]} messages on {topic} were saved, {losses[topic]}" for topic in losses
-    )
-    lost = not bag.counted or any(bag.missing[topic] for topic in topics)
-    return [Note("", f"{' and '.join(bag.damages)}: {'; '.join(parts)}", 1, limits=lost)]
+    parts = []
+    for topic in topics:
+        lost = f"{bag.missing[topic]} are lost" if bag.counted else "how many are lost is not known"
+        parts.append(f"{bag.seen[topic]} messages on {topic} were saved, {lost}")
+    limits = not bag.counted or any(bag.missing[topic] for topic in topics)
+    return [Note("", f"{' and '.join(bag.damages)}: {'; '.join(parts)}", 1, limits)]

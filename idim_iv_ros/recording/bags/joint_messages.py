@@ -335,11 +335,9 @@ def checked_messages(
         damaged = f": all {messages.damaged} are damaged" if messages.damaged else ""
         raise DataError(f"{path}: no message on {topic} can be read{damaged}")
     absent = [joint for joint in reader.joints if messages.names and joint not in messages.names]
-    if optional and len(absent) < len(reader.joints):
-        absent = []
-    for joint in absent:
+    if absent and not (optional and len(absent) < len(reader.joints)):
         raise DataError(
-            f"{path}: {topic} never holds joint {joint}; it holds "
+            f"{path}: {topic} never holds joint {absent[0]}; it holds "
             f"{', '.join(messages.names)}; name the joints to be read in robot.joints"
         )
     notes = []
@@ -358,21 +356,17 @@ def checked_messages(
             continue
         for column, joint in enumerate(reader.joints):
             if not np.isfinite(values[name][:, column]).any():
+                of, advice = topic_of(topic), ""
+                if reader.kind.name in ROS2_CONTROL:
+                    advice = f"; was the controller of {of} active while this was recorded?"
+                    if name == "effort":
+                        advice = (
+                            f"; if /joint_states has it, write `effort: /joint_states`, not {of}"
+                        )
                 raise DataError(
-                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message"
-                    f"{_advice(reader, name)}"
+                    f"{path}: {name} of {joint} on {topic} is empty or NaN in every message{advice}"
                 )
     return replace(messages, values=values), notes
-
-
-def _advice(reader: JointMessageReader, name: str) -> str:
-    """Return advice where a controller does not publish a quantity, to append to an error."""
-    topic = topic_of(reader.topic)
-    if reader.kind.name not in ROS2_CONTROL:
-        return ""
-    if name == "effort":
-        return f"; if /joint_states has it, write `effort: /joint_states`, not {topic}"
-    return f"; was the controller of {topic} active while this was recorded?"
 
 
 # Beyond these a number is no position in rad or m, speed in rad/s or m/s; efforts may be counts.

@@ -104,22 +104,67 @@ def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
 
 
 @dataclass
-class McapDescription:
-    """Schemas and channels of a file, from its data or from its summary.
+class McapFile(BagFile):
+    """One MCAP file; `source` gives its bytes, from this machine or another.
 
-    `schemas`: name of each schema. `definitions`: definition of each type. `channels`: topic of
-    each channel of CDR messages. `topics`: type of each topic. `counts`: number of messages of each
-    channel in the file; None without a summary. `chunks`: places of the chunks, and their channels.
+    From its summary, or else its data: name of each schema, topic of each channel of CDR messages,
+    number of messages of each channel in the file (None without a summary), and the index of its
+    chunks.
     """
 
-    schemas: dict[int, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    channels: dict[int, str] = field(default_factory=dict)
-    topics: dict[str, str] = field(default_factory=dict)
-    counts: dict[int, int] | None = None
-    chunks: list[ChunkIndex] = field(default_factory=list)
+    source: ByteSource = field(kw_only=True)
+    _schemas: dict[int, str] = field(default_factory=dict)
+    _channels: dict[int, str] = field(default_factory=dict)
+    _counts: dict[int, int] | None = None
+    _chunks: list[ChunkIndex] = field(default_factory=list)
+    _seen: Counter[int] = field(default_factory=Counter)
 
-    def add(self, opcode: int, content: bytes) -> None:
+    def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
+        """Yield topic and raw messages of the wanted topics, chunk by chunk; see `BagFile`."""
+        summary = self._read_summary()
+        if summary and (self._lists_every_message() or (self.topics and not wanted)):
+            for places in self._stretches(wanted):
+                start = places[0][0]
+                content = self.source.read(start, places[-1][1])
+                for first, last in places:
+                    yield from self._walk(content[first - start : last - start], wanted, 0)
+            self.truncated = False
+        else:
+            yield from self._read_all(wanted)
+        if self._counts is not None:
+            self._count_missing(self._counts, wanted)
+
+    def _read_summary(self) -> bool:
+        """Return whether there is a description at the end of the file, which is taken over then.
+
+        It is none where its checksum is wrong or one of its records is damaged.
+        """
+        offset = max(0, self.source.size - _TAIL)
+        tail = self.source.read(offset, self.source.size)
+        footer = len(tail) - len(MAGIC) - FOOTER_SIZE
+        if footer < HEAD or tail[-len(MAGIC) :] != MAGIC or tail[footer - HEAD] != FOOTER:
+            return False
+        start, _, checksum = struct.unpack_from("<QQI", tail, footer)
+        length = offset + footer - HEAD - start
+        if start < len(MAGIC) or not 0 < length <= _LONGEST_SUMMARY:
+            return False
+        if start < offset:
+            tail, offset = self.source.read(start, offset) + tail, start
+        # A writer that computes no checksum leaves it zero.
+        if checksum not in (0, zlib.crc32(tail[start - offset : -len(MAGIC) - 4])):
+            return False
+        try:
+            for record in records(tail, start - offset):
+                if record.opcode == FOOTER:
+                    break
+                self._add(record.opcode, tail[record.start : record.end])
+        except DAMAGED_CONTENT:
+            self.topics, self.definitions, self._counts = {}, {}, None
+            self._schemas, self._channels, self._chunks = {}, {}, []
+            return False
+        return True
+
+    def _add(self, opcode: int, content: bytes) -> None:
         """Add the content of a record: a schema, a channel, statistics or a chunk index.
 
         Raises one of `DAMAGED_CONTENT` if it is damaged.
@@ -127,45 +172,45 @@ class McapDescription:
         stream = ReadDataStream(BytesIO(content))
         if opcode == SCHEMA:
             schema = Schema.read(stream)
-            self.schemas[schema.id] = schema.name
+            self._schemas[schema.id] = schema.name
             # Other encodings than those of ROS need not be text.
             text = schema.data.decode("utf-8", errors="replace")
             self.definitions[schema.name] = SchemaText(schema.encoding, text)
         elif opcode == CHANNEL:
             channel = Channel.read(stream)
             if channel.message_encoding == "cdr":
-                self.channels[channel.id] = channel.topic
-                note_type(self.topics, channel.topic, self.schemas.get(channel.schema_id, ""))
+                self._channels[channel.id] = channel.topic
+                note_type(self.topics, channel.topic, self._schemas.get(channel.schema_id, ""))
         elif opcode == STATISTICS:
-            self.counts = dict(Statistics.read(stream).channel_message_counts)
+            self._counts = dict(Statistics.read(stream).channel_message_counts)
         elif opcode == CHUNK_INDEX:
-            self.chunks.append(ChunkIndex.read(stream))
+            self._chunks.append(ChunkIndex.read(stream))
 
-    def lists_every_message(self, size: int) -> bool:
-        """Return whether the listed chunks hold all messages of a file of `size` bytes.
+    def _lists_every_message(self) -> bool:
+        """Return whether the listed chunks hold all messages of the file.
 
         Messages outside chunks are in no index, and some writers leave the index out.
         """
-        last = size - len(MAGIC) - FOOTER_SIZE - HEAD
+        last = self.source.size - len(MAGIC) - FOOTER_SIZE - HEAD
         return (
-            self.counts is not None
-            and (bool(self.chunks) or not any(self.counts.values()))
+            self._counts is not None
+            and (bool(self._chunks) or not any(self._counts.values()))
             and all(
                 chunk.message_index_offsets
                 and chunk.chunk_length + chunk.message_index_length
                 <= last - chunk.chunk_start_offset
-                for chunk in self.chunks
+                for chunk in self._chunks
             )
         )
 
-    def stretches(self, wanted: set[str]) -> Iterator[list[tuple[int, int]]]:
+    def _stretches(self, wanted: set[str]) -> Iterator[list[tuple[int, int]]]:
         """Yield the places (first, last byte) of chunks with wanted topics, grouped by reads.
 
         The chunks of a group are adjacent, and have up to `READ_AHEAD` bytes if they are several.
         """
-        channels = {channel for channel, topic in self.channels.items() if topic in wanted}
+        channels = {channel for channel, topic in self._channels.items() if topic in wanted}
         together: list[tuple[int, int]] = []
-        for chunk in sorted(self.chunks, key=lambda chunk: chunk.chunk_start_offset):
+        for chunk in sorted(self._chunks, key=lambda chunk: chunk.chunk_start_offset):
             if channels.isdisjoint(chunk.message_index_offsets):
                 continue
             first = chunk.chunk_start_offset
@@ -176,61 +221,6 @@ class McapDescription:
             together.append((first, last))
         if together:
             yield together
-
-
-def read_summary(source: ByteSource) -> McapDescription | None:
-    """Return the description at the end of a file; None if missing or its checksum is wrong."""
-    offset = max(0, source.size - _TAIL)
-    tail = source.read(offset, source.size)
-    footer = len(tail) - len(MAGIC) - FOOTER_SIZE
-    if footer < HEAD or tail[-len(MAGIC) :] != MAGIC or tail[footer - HEAD] != FOOTER:
-        return None
-    start, _, checksum = struct.unpack_from("<QQI", tail, footer)
-    length = offset + footer - HEAD - start
-    if start < len(MAGIC) or not 0 < length <= _LONGEST_SUMMARY:
-        return None
-    if start < offset:
-        tail, offset = source.read(start, offset) + tail, start
-    # A writer that computes no checksum leaves it zero.
-    if checksum not in (0, zlib.crc32(tail[start - offset : -len(MAGIC) - 4])):
-        return None
-    description = McapDescription()
-    try:
-        for record in records(tail, start - offset):
-            if record.opcode == FOOTER:
-                break
-            description.add(record.opcode, tail[record.start : record.end])
-    except DAMAGED_CONTENT:
-        return None
-    return description
-
-
-@dataclass
-class McapFile(BagFile):
-    """One MCAP file; `source` gives its bytes, from this machine or another."""
-
-    source: ByteSource = field(kw_only=True)
-    _description: McapDescription = field(default_factory=McapDescription)
-    _seen: Counter[int] = field(default_factory=Counter)
-
-    def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Yield topic and raw messages of the wanted topics, chunk by chunk; see `BagFile`."""
-        summary = read_summary(self.source)
-        self._description = summary or McapDescription()
-        self.topics = self._description.topics
-        self.definitions = self._description.definitions
-        whole = summary is not None and summary.lists_every_message(self.source.size)
-        if summary is not None and (whole or (summary.topics and not wanted)):
-            for places in summary.stretches(wanted):
-                start = places[0][0]
-                content = self.source.read(start, places[-1][1])
-                for first, last in places:
-                    yield from self._walk(content[first - start : last - start], wanted, 0)
-            self.truncated = False
-        else:
-            yield from self._read_all(wanted)
-        if summary is not None and summary.counts is not None:
-            self._count_missing(summary.counts, wanted)
 
     def _read_all(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
         """Yield the messages of all records from the start; a remote file is copied first."""
@@ -295,10 +285,10 @@ class McapFile(BagFile):
         self.counted = False
 
     def _describe(self, opcode: int, record: bytes) -> None:
-        if self._description.counts is not None:
+        if self._counts is not None:
             return  # the summary has all of it, and a checksum
         try:
-            self._description.add(opcode, record)
+            self._add(opcode, record)
         except DAMAGED_CONTENT:
             self._count_damage()
 
@@ -309,14 +299,15 @@ class McapFile(BagFile):
             compression, payload = record[32 : 32 + name], record[40 + name :]
             if size > _LARGEST_CHUNK:
                 raise ValueError("the chunk is too large")
-            if torn:
-                return start_of(payload, compression, size)
-            if compression == b"zstd":
+            content = payload
+            if compression == b"zstd" and torn:
+                content = zstandard.ZstdDecompressor().decompressobj().decompress(payload)[:size]
+            elif compression == b"zstd":
                 content = zstandard.ZstdDecompressor().decompress(payload, max_output_size=size)
             elif compression == b"lz4":
                 content = bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
-            else:
-                content = payload
+            if torn:
+                return content
             if checksum not in (0, zlib.crc32(content)):
                 raise ValueError("wrong checksum")
         except (struct.error, ValueError, RuntimeError, EOFError, MemoryError, zstandard.ZstdError):
@@ -334,7 +325,7 @@ class McapFile(BagFile):
         if listed != len(chunk):
             places = self._scan(chunk)
         for channel, at in places.items() if chunk else ():
-            topic = self._description.channels.get(channel)
+            topic = self._channels.get(channel)
             self._seen[channel] += len(at)
             if topic in wanted and len(at):
                 sizes = integers(buffer, at + 1) - MESSAGE_HEAD
@@ -358,23 +349,13 @@ class McapFile(BagFile):
         return {channel: np.array(starts) for channel, starts in places.items()}
 
     def _count_missing(self, counts: dict[int, int], wanted: set[str]) -> None:
-        """Count missing messages against the summary's counts."""
         self.missing.clear()
         self.counted = True
-        for channel, topic in self._description.channels.items():
+        for channel, topic in self._channels.items():
             if topic in wanted:
                 self.missing[topic] += max(0, counts.get(channel, 0) - self._seen[channel])
         if self.missing.total() and not self.truncated:
             self.damaged = max(self.damaged, 1)
-
-
-def start_of(payload: bytes, compression: bytes, size: int) -> bytes:
-    """Return the part that can be decompressed of a chunk whose end is missing."""
-    if compression == b"zstd":
-        return zstandard.ZstdDecompressor().decompressobj().decompress(payload)[:size]
-    if compression == b"lz4":
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(payload, size))
-    return payload
 
 
 def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:

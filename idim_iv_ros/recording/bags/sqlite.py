@@ -6,16 +6,18 @@ computes (views, virtual tables, generated columns).
 
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
+from itertools import islice
 from urllib.parse import quote
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.recording.bags.bag_file import BagFile, MessageBatch, in_batches
+from idim_iv_ros.recording.bags.bag_file import BagFile, MessageBatch
 from idim_iv_ros.recording.bags.joint_message_type import SchemaText, note_type
 
 _TOPICS = 10_000
 _LONGEST_ROW = 1 << 28  # bytes
+_TOGETHER, _BYTES_TOGETHER = 20_000, 1 << 26  # messages of a batch, and their bytes
 # After a damaged page reading goes on this many rows later, then twice as many, …
 _FIRST_STEP, _MOST_HOLES = 1, 200
 _COLUMNS = {
@@ -39,7 +41,7 @@ class SqliteFile(BagFile):
             with closing(sqlite3.connect(address, uri=True)) as connection:
                 numbers = self._open(connection)
                 topics = {number: name for number, name in numbers.items() if name in wanted}
-                yield from in_batches(self._messages(connection, topics))
+                yield from _in_batches(self._messages(connection, topics))
                 self.counted = not (self.truncated or self.damaged)
         except (sqlite3.Error, UnicodeDecodeError) as error:  # a damaged name is no text
             raise DataError(f"{self.path}: not a rosbag2 database ({error})") from error
@@ -61,21 +63,17 @@ class SqliteFile(BagFile):
                 numbers[number] = name.decode(errors="replace")
                 kind = message_type.decode(errors="replace")
                 note_type(self.topics, numbers[number], kind)
-        self._define(connection)
-        return numbers
-
-    def _define(self, connection: sqlite3.Connection) -> None:
-        """Read the definitions of message types, if the database has them."""
         columns = ("topic_type", "encoding", "encoded_message_definition")
         try:
             self._require_table(connection, "message_definitions", set(columns))
-        except DataError:
-            return
+        except DataError:  # of before Iron
+            return numbers
         query = f"SELECT {', '.join(columns)} FROM message_definitions LIMIT {_TOPICS}"
         for row in connection.execute(query):
             if all(isinstance(cell, bytes) for cell in row):
                 name, encoding, text = (part.decode(errors="replace") for part in row)
                 self.definitions[name] = SchemaText(encoding, text)
+        return numbers
 
     def _require_table(self, connection: sqlite3.Connection, table: str, needed: set[str]) -> None:
         """Refuse views, virtual tables and computed columns, whose queries may never end."""
@@ -120,3 +118,20 @@ class SqliteFile(BagFile):
                 if step > 1 << 40 or self.damaged > _MOST_HOLES:
                     self.truncated = True
                     return
+
+
+def _in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str, MessageBatch]]:
+    """Group messages (topic, log time in ns, bytes) by topic, up to 20,000 at a time."""
+    remaining = iter(messages)
+    while True:
+        by_topic: dict[str, list[tuple[int, bytes]]] = {}
+        size = 0
+        for topic, stamp, data in islice(remaining, _TOGETHER):
+            by_topic.setdefault(topic, []).append((stamp, data))
+            size += len(data)
+            if size > _BYTES_TOGETHER:
+                break
+        if not by_topic:
+            return
+        for topic, given in by_topic.items():
+            yield topic, MessageBatch.of(sorted(given, key=lambda message: message[0]))

@@ -143,7 +143,6 @@ class GrowingMcap:
         os.close(self._file)
 
     def _overwrite_summary(self, content: bytes) -> None:
-        """Write behind the last chunk, over the old summary."""
         view, place = memoryview(content), self._end
         while view:
             written = os.pwrite(self._file, view, place)

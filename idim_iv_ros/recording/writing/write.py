@@ -2,7 +2,7 @@
 
 import json
 import struct
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -261,29 +261,24 @@ def serialised(topic: JointTopic, stamps: IntArray) -> NDArray[np.uint8]:
     """Return serialised messages (n, size) at stamps (n,), ns, from one template."""
     fields = {"position": topic.position, "velocity": topic.velocity, "effort": topic.effort}
     given = {name: values for name, values in fields.items() if values is not None}
-    template = _template(topic.joints, given)
+    # A message with marks in the fields that are given.
+    store, joints = get_typestore(Stores.ROS2_JAZZY), topic.joints
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    numbers = {
+        name: np.full(len(joints) if name in given else 0, mark) for name, mark in _MARKS.items()
+    }
+    message = store.types[JOINT_STATE](header=header, name=list(joints), **numbers)
+    template = bytes(store.serialize_cdr(message, JOINT_STATE, little_endian=True))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
     for place, part in ((_STAMP, seconds), (_STAMP + 4, nanoseconds)):
         messages[:, place : place + 4] = part.astype("<u4")[:, None].view(np.uint8)
     for name, values in given.items():
         offset = template.index(struct.pack("<d", _MARKS[name]))
-        numbers = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
-        messages[:, offset : offset + numbers.shape[1]] = numbers
+        content = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
+        messages[:, offset : offset + content.shape[1]] = content
     return messages
-
-
-def _template(joints: Sequence[str], given: Collection[str]) -> bytes:
-    """A message with marks in the fields that are given."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types = store.types
-    stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
-    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
-    numbers = {
-        name: np.full(len(joints) if name in given else 0, mark) for name, mark in _MARKS.items()
-    }
-    message = types[JOINT_STATE](header=header, name=list(joints), **numbers)
-    return bytes(store.serialize_cdr(message, JOINT_STATE, little_endian=True))
 
 
 def _nanoseconds(time: FloatArray) -> IntArray:

@@ -21,12 +21,26 @@ const unpacked = ({levels, low, step}) => {
   });
 };
 
+// What all figures look like, also where they say nothing of it.
+const font = {family: "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif", size: 12};
+const axis = {
+  title: {standoff: 6, font: {size: 12}}, automargin: true, gridcolor: 'var(--grid)', zeroline: false,
+  linecolor: 'var(--grey)', showline: true, ticks: 'outside', ticklen: 4, tickcolor: 'var(--grey)',
+  tickfont: {size: 11}, exponentformat: 'power',
+};
+const style = {
+  font: {...font, color: 'var(--ink)'}, paper_bgcolor: 'var(--page)', plot_bgcolor: 'var(--page)',
+  margin: {l: 58, r: 12, t: 8, b: 40}, showlegend: false, hoverlabel: {font}, hovermode: 'closest',
+  dragmode: 'zoom', xaxis: axis, yaxis: axis,
+};
+
 // "var(--blue)" → its value now; {"same": k} → the abscissa of trace k.
-const resolved = drawing => {
-  const style = getComputedStyle(root);
+const resolved = ({data, layout}) => {
+  const values = getComputedStyle(root);
+  const drawing = {data, layout: {template: {layout: style}, ...layout}};
   const text = JSON.stringify(drawing, (key, value) => {
     const name = typeof value === 'string' && /^var\((--[a-z-]+)\)$/.exec(value);
-    return name ? style.getPropertyValue(name[1]).trim() : value;
+    return name ? values.getPropertyValue(name[1]).trim() : value;
   });
   const copy = JSON.parse(text);
   for (const trace of copy.data) {

@@ -1,90 +1,64 @@
-"""Sections on the drive of each joint: friction over speed, and twist of the gear over load."""
+"""Sections on what a joint does over its motion: friction, twist of the gear, and the residual."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
-from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
-from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.diagnosis.result.recordings import TransmissionSeries
 from idim_iv_ros.report.figures import (
     BACKWARD,
+    BACKWARD_BAND,
     BLUE,
     FORWARD,
+    FORWARD_BAND,
     GREY,
     INK,
     Figure,
-    Mark,
     axis,
     dots,
-    layout,
     line,
+    outline,
 )
-from idim_iv_ros.report.gap_words import drawable, small_unit, torque_unit, unit_in, worth_seeing
-from idim_iv_ros.report.numerals import MISSING, THIN, number, with_interval
+from idim_iv_ros.report.gap_words import (
+    drawable,
+    extended_beyond_refit,
+    small_unit,
+    torque_unit,
+    unit_in,
+)
+from idim_iv_ros.report.numerals import round_number
 from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.statistics.curves import SmoothCurve, smooth
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 280
 
 
-def _context(report: Report[GapResult]) -> dict[str, Any] | None:
-    result = report.result
-    if not result.transmissions:
-        return None
-    by_joint = {transmission.joint: transmission for transmission in result.transmissions}
-    plots = [
-        (series.joint, "", twist_figure(result, series, by_joint[series.joint], index))
-        for index, series in enumerate(result.twists)
-    ]
-    return {
-        "rows": [_row(result, transmission) for transmission in result.transmissions],
-        "legend": [
-            Mark("line", FORWARD, "forwards (speed > 0)"),
-            Mark("line", BACKWARD, "backwards"),
-            Mark("line", INK, "load over stiffness, with play"),
-        ],
-        "plots": plots,
-    }
+def _of_series(
+    figure: Callable[[GapResult, GapSeries], Figure],
+) -> Callable[[Report[GapResult]], dict[str, Any] | None]:
+    """Return the context of a section with a figure of each series; none without series."""
+
+    def context(report: Report[GapResult]) -> dict[str, Any] | None:
+        return {"figure": partial(figure, report.result)} if drawable(report.result) else None
+
+    return context
 
 
-def _row(result: GapResult, transmission: Transmission) -> dict[str, str]:
-    """Return the table row of a transmission: its numbers, or bounds of them."""
-    small = small_unit(result, transmission.joint)
-    bound = ""
-    if transmission.stiffness is None and transmission.stiffness_at_least is not None:
-        bound = f"> {number(transmission.stiffness_at_least, 2)}"
-    gap = MISSING
-    if transmission.backlash is None and transmission.backlash_at_most is not None:
-        gap = f"< {number(1e3 * transmission.backlash_at_most, 2)}{THIN}{small}"
-    share = MISSING
-    if transmission.time_offset is not None:
-        share = f"{100.0 * transmission.elastic_share:.0f}{THIN}%"
-    return {
-        "joint": transmission.joint,
-        "stiffness": _number(transmission.stiffness)
-        if transmission.stiffness
-        else bound or MISSING,
-        "damping": _number(transmission.damping),
-        "backlash": _number(transmission.backlash, 1e3, small) if transmission.backlash else gap,
-        "lost_motion": _number(transmission.lost_motion, 1e3, small),
-        "offset": _number(transmission.time_offset, 1e3, "ms"),
-        "share": share,
-        "remark": transmission.reason,
-    }
+def _twists(report: Report[GapResult]) -> dict[str, Any] | None:
+    return (
+        {"figure": partial(_twist_figure, report.result)} if report.result.transmissions else None
+    )
 
 
-def _number(parameter: EffectParameter | None, scale: float = 1.0, unit: str = "") -> str:
-    if parameter is None:
-        return MISSING
-    std = None if parameter.std is None else scale * parameter.std
-    return with_interval(scale * parameter.value, std, unit or parameter.unit)
-
-
-def twist_figure(
-    result: GapResult, series: TransmissionSeries, transmission: Transmission, index: int = 0
-) -> Figure:
+def _twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
     """Return a figure of the gear's twist over the load, by direction, with the fitted law."""
+    transmission = next(gear for gear in result.transmissions if gear.joint == series.joint)
+    index = result.joints.index(series.joint)
     torque, small = torque_unit(result, series.joint), small_unit(result, series.joint)
     hover = f"%{{y:.3g}} {small} at %{{x:.3g}} {torque}"
     data: list[dict[str, Any]] = []
@@ -102,14 +76,14 @@ def twist_figure(
         data.append(line(load, 1e3 * law, INK, 1.6, hover))
     axes = {"xaxis": axis(f"Load, {torque}"), "yaxis": axis(f"Twist, {small}", nticks=6)}
     words = f"Twist of the gear of {series.joint} over its load, by direction of motion"
-    return Figure(f"transmission-{index}", _HEIGHT, words, data, layout(axes))
+    return Figure(f"transmission-{index}", _HEIGHT, words, data, axes)
 
 
 TRANSMISSIONS = Section(
     "Transmissions",
     "transmissions",
     "transmissions.html.j2",
-    _context,
+    _twists,
     "stiffness and play that encoders behind the gears show",
 )
 
@@ -119,23 +93,7 @@ _LEAST_ROWS = 20  # of a direction, for a curve
 _BINS = 40  # of a direction, with equally many rows
 
 
-def _friction(report: Report[GapResult]) -> dict[str, Any] | None:
-    drawn = drawable(report.result)
-    if not drawn:
-        return None
-    legend = [Mark("sign diamond", GREY, "measured, less the torque of everything but friction")]
-    if drawn[0].given_friction is not None:
-        legend.append(Mark("line", INK, "nominal model"))
-    legend.append(Mark("line", BLUE, "extended model"))
-    first = worth_seeing(report.result)
-    plots = [
-        (series.joint, _friction_figure(report.result, series, number), series.joint in first)
-        for number, series in enumerate(drawn)
-    ]
-    return {"legend": legend, "plots": sorted(plots, key=lambda plot: not plot[-1])}
-
-
-def _friction_figure(result: GapResult, series: GapSeries, number: int) -> Figure:
+def _friction_figure(result: GapResult, series: GapSeries) -> Figure:
     unit, speed = torque_unit(result, series.joint), unit_in(result, "rad/s", series.joint)
     shown = series.torque - series.extended + series.friction
     data, seen = [dots(series.speed, shown, GREY, 4.0)], shown
@@ -143,20 +101,17 @@ def _friction_figure(result: GapResult, series: GapSeries, number: int) -> Figur
         seen = np.concatenate([shown, series.given_friction])
         data += _curves(series, series.given_friction, INK, f"nominal %{{y:.3g}} {unit}")
     data += _curves(series, series.friction, BLUE, f"extended %{{y:.3g}} {unit}")
+    low, high = np.percentile(seen[np.isfinite(seen)], [0.5, 99.5])
+    room = 0.12 * max(float(high - low), 1e-12)
+    ends = [float(low) - room, float(high) + room]
     axes = {
         "xaxis": axis(f"Speed, {speed}", nticks=6, zeroline=True, zerolinecolor=GREY),
-        "yaxis": axis(
-            f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=_range(seen)
-        ),
+        "yaxis": axis(f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=ends),
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
-    return Figure(f"friction-{number}", _FRICTION_HEIGHT, words, data, layout(axes))
-
-
-def _range(values: FloatArray) -> list[float]:
-    low, high = np.percentile(values[np.isfinite(values)], [0.5, 99.5])
-    room = 0.12 * max(float(high - low), 1e-12)
-    return [float(low) - room, float(high) + room]
+    return Figure(
+        f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, axes
+    )
 
 
 def _curves(
@@ -175,4 +130,164 @@ def _curves(
     return traces
 
 
-FRICTION = Section("Friction", "friction", "friction.html.j2", _friction)
+FRICTION = Section("Friction", "friction", "friction.html.j2", _of_series(_friction_figure))
+
+
+_BANDS = {FORWARD: FORWARD_BAND, BACKWARD: BACKWARD_BAND}
+_ROW_HEIGHT = 190
+_GAP, _BETWEEN = 0.045, 0.05
+_SHORTEST = 1e-5  # rad or m; shorter distances since a reversal are drawn there
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of panels: the residual of one model.
+
+    Rows with the same `scale` have the same range of the ordinate.
+    """
+
+    title: str
+    residual: FloatArray
+    scale: str
+
+
+def _rows(result: GapResult, series: GapSeries) -> list[Row]:
+    rows = []
+    # A refit hides what only the parameters of the nominal model have wrong.
+    parametric = any(cause.kind == "parametric" for cause in result.causes)
+    if series.given is not None and (parametric or not result.causes):
+        rows.append(Row("nominal", series.torque - series.given, "nominal"))
+    rows.append(Row("refit", series.torque - series.refit, "refit"))
+    if extended_beyond_refit(series):
+        rows.append(Row("extended", series.torque - series.extended, "refit"))
+    return rows
+
+
+def _residual_figure(result: GapResult, series: GapSeries) -> Figure:
+    rows = _rows(result, series)
+    unit = torque_unit(result, series.joint)
+    panels = _panels(series, unit, unit_in(result, "rad", series.joint))
+    data: list[dict[str, Any]] = []
+    axes: dict[str, Any] = {}
+    limits = {row.scale: 0.0 for row in rows}
+    for column, (x, x_axis) in enumerate(panels):
+        low = column * (1.0 + _GAP) / len(panels)
+        domain = [low, low + (1.0 + _GAP) / len(panels) - _GAP]
+        name = _suffix(column)
+        axes[f"xaxis{name}"] = {
+            **x_axis,
+            "domain": domain,
+            "anchor": f"y{_suffix(len(rows) - 1)}",
+        }
+        for k, row in enumerate(rows):
+            traces, largest = _panel(series, x, row, unit)
+            data += [{**trace, "xaxis": f"x{name}", "yaxis": f"y{_suffix(k)}"} for trace in traces]
+            limits[row.scale] = max(limits[row.scale], largest)
+    height = (1.0 - _BETWEEN * (len(rows) - 1)) / len(rows)
+    for k, row in enumerate(rows):
+        limit = 1.15 * limits[row.scale] or 1.0
+        top = 1.0 - k * (height + _BETWEEN)
+        axes[f"yaxis{_suffix(k)}"] = axis(
+            f"{row.title}, {unit}",
+            domain=[max(top - height, 0.0), top],
+            range=[-limit, limit],
+            nticks=5,
+            zeroline=True,
+            zerolinecolor=GREY,
+        )
+    words = (
+        f"Residual of {series.joint} over speed, position, load and distance since reversal: "
+        + ", ".join(row.title for row in rows)
+    )
+    anchor = f"residual-{result.joints.index(series.joint)}"
+    return Figure(anchor, _ROW_HEIGHT * len(rows) + 44, words, data, axes)
+
+
+def _suffix(place: int) -> str:
+    return "" if place == 0 else str(place + 1)
+
+
+def _panels(
+    series: GapSeries, torque_unit: str, position_unit: str
+) -> list[tuple[FloatArray, dict[str, Any]]]:
+    since = np.log10(np.maximum(series.since_reversal, _SHORTEST))
+    low, high = np.percentile(since, [1.0, 100.0])
+    ticks = list(range(int(np.ceil(low)), int(np.floor(high)) + 1))
+    distance = axis(
+        f"Distance since reversal, {position_unit}",
+        tickvals=ticks,
+        ticktext=[round_number(10.0**tick) for tick in ticks],
+        range=[float(low), float(high) + 0.03],
+    )
+    return [
+        (_root(series.speed), _speed_axis(series.speed, f"{position_unit}/s")),
+        (series.position, axis(f"Position, {position_unit}", nticks=6)),
+        (series.load, axis(f"Load (rigid bodies), {torque_unit}", nticks=6)),
+        (since, distance),
+    ]
+
+
+def _root(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sign(values) * np.sqrt(np.abs(values)))
+
+
+def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
+    """Return an axis stretched near zero, where friction changes fastest."""
+    largest = float(np.percentile(np.abs(speed), 99.5))
+    # Round speeds at about a third, two thirds and the end of the stretched axis.
+    ticks = [float(f"{share * largest:.1g}") for share in (0.1, 0.4, 0.9) if largest > 0.0]
+    values = [-tick for tick in reversed(ticks)] + [0.0, *ticks]
+    return axis(
+        f"Speed, {unit} (stretched near 0)",
+        tickvals=_root(np.array(values)).tolist(),
+        ticktext=[round_number(value) for value in values],
+        tickangle=0,
+    )
+
+
+def _panel(
+    series: GapSeries, abscissa: FloatArray, row: Row, unit: str
+) -> tuple[list[dict[str, Any]], float]:
+    """Return the traces of both directions in one panel, and their largest absolute value."""
+    traces: list[dict[str, Any]] = []
+    largest = 0.0
+    directions = (("forwards", FORWARD, 1.0), ("backwards", BACKWARD, -1.0))
+    for word, colour, sign in directions:
+        rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(row.residual))
+        if len(rows) < 2:
+            continue
+        x, y = abscissa[rows], row.residual[rows]
+        curve = smooth(x, y, series.time[rows])
+        traces += [
+            dots(x, y, colour),
+            *_band(curve, colour),
+            line(curve.x, curve.mean, colour, 2.0, f"{word}: mean %{{y:.3g}} {unit}"),
+        ]
+        drawn = np.abs(np.concatenate([curve.mean, curve.low, curve.high]))
+        drawn = drawn[np.isfinite(drawn)]
+        mean = np.percentile(drawn, 99.0) if len(drawn) else 0.0
+        largest = max(largest, float(mean), float(np.percentile(np.abs(y), 96.0)))
+    return traces, largest
+
+
+def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:
+    """Return one filled outline for each stretch where the interval is finite."""
+    finite = np.isfinite(curve.low) & np.isfinite(curve.high)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(int)))
+    return [
+        outline(
+            np.concatenate([curve.x[first:last], curve.x[first:last][::-1]]),
+            np.concatenate([curve.low[first:last], curve.high[first:last][::-1]]),
+            _BANDS[colour],
+        )
+        for first, last in ends.reshape(-1, 2)
+    ]
+
+
+RESIDUAL_CURVES = Section(
+    "Residual",
+    "residuals",
+    "residual_curves.html.j2",
+    _of_series(_residual_figure),
+    "what is left over speed, position, load and distance since a reversal",
+)

@@ -1,42 +1,19 @@
-"""Sections on the parameters: estimate, least squares, nominal model, nearest physical set."""
+"""Sections on the parameters: estimates, given and new values, nearest physical set.
 
+A base parameter that groups nothing else is a standard parameter, and has an element of the URDF or
+a key of the configuration. Of the others only the sum is known.
+"""
+
+import math
 import re
+from dataclasses import dataclass
 from typing import Any
 
-from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
-from idim_iv_ros.report.advice import verdict_badge
-from idim_iv_ros.report.numerals import is_number
-from idim_iv_ros.report.section import Report, Section
-
-_IMPRECISE_PERCENT = 30.0
-_LONG_TABLE = 20
-
-
-def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
-    result = report.result
-    refined = {} if result.refined is None else {p.name: p for p in result.refined.parameters}
-    ordered = sorted(result.parameters, key=lambda parameter: not parameter.essential)
-    minor = sum(not parameter.essential for parameter in ordered)
-    return {
-        "misspecified": [
-            residual.joint
-            for residual in result.residuals
-            if verdict_badge(residual.verdict)[0] == "bad"
-        ],
-        "impossible": [
-            p.name for p in result.parameters if IMPOSSIBLE in (p.remark, p.essential_remark)
-        ],
-        "poor": _IMPRECISE_PERCENT,
-        "with_essential": any(is_number(p.essential_value) for p in result.parameters),
-        "with_given": any(is_number(p.given_value) for p in result.parameters),
-        "essential": len(ordered) - minor,
-        "minor": minor,
-        "folded": minor > 0 and len(ordered) > _LONG_TABLE,
-        "ordered": ordered,
-        "refined": refined,
-        "ordinary": result.estimator == "idim-ls",
-        "typeset": _typeset,
-    }
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.model.parameters import words_of_name
+from idim_iv_ros.report.numerals import INTERVAL, is_number
+from idim_iv_ros.report.section import Nominal, Report, Result, Section
 
 
 def _typeset(expression: str) -> str:
@@ -46,7 +23,9 @@ def _typeset(expression: str) -> str:
     return re.sub(r"(?<=[0-9.]) (?=[A-Za-z])", "\N{NO-BREAK SPACE}", text)
 
 
-PARAMETERS = Section("Parameters", "parameters", "parameters.html.j2", _context)
+PARAMETERS: Section[IdentificationResult] = Section(
+    "Parameters", "parameters", "parameters.html.j2", lambda report: {"typeset": _typeset}
+)
 
 
 _LARGE = 0.1  # σ from which the change of a base parameter is listed
@@ -75,3 +54,104 @@ PHYSICAL: Section[Any] = Section(
     _physical,
     "masses, centres and inertias that a simulator can hold",
 )
+
+
+# Kinds of standard parameters that can be set: in a URDF or the configuration, in an MJCF.
+_ELEMENTS = {
+    "M": ("{link}/inertial/mass", "{link}/inertial/mass"),
+    "Ia": ("simulator.armature[{number}]", "{joint}@armature"),
+    "Fv": ("{joint}/dynamics@damping", "{joint}@damping"),
+    "Fc": ("{joint}/dynamics@friction", "{joint}@frictionloss"),
+    "off": ("simulator.torque_offset[{number}]", "simulator.torque_offset[{number}]"),
+}
+
+
+@dataclass(frozen=True)
+class ChangedValue:
+    """One base parameter of the nominal model: its given value, and its estimate.
+
+    `key` is its element or key, empty where only a sum is known; `words` describe it, with the
+    grouped expression of a sum; `std` is that of `new`.
+    """
+
+    name: str
+    words: str
+    key: str
+    given: float | None
+    new: float
+    std: float | None
+    unit: str
+
+    @property
+    def distance(self) -> float | None:
+        """Return the change in standard deviations; None if either is unknown."""
+        if self.given is None or not self.std or not math.isfinite(self.std):
+            return None
+        return (self.new - self.given) / self.std
+
+    @property
+    def forest(self) -> tuple[float, float, float] | None:
+        """Return (new / given - 1) with its 95 % interval; None if the given value is zero."""
+        if not self.given or self.std is None or not math.isfinite(self.std):
+            return None
+        change, half = self.new / self.given - 1.0, INTERVAL * self.std / abs(self.given)
+        return change, change - half, change + half
+
+    @property
+    def significant(self) -> bool | None:
+        """Return whether the 95 % interval excludes the given value; None if it is unknown."""
+        return None if self.distance is None else abs(self.distance) > INTERVAL
+
+
+def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
+    """Return all base parameters, those with an element or a key first, in order of joints."""
+    rows = []
+    if isinstance(result, GapResult):
+        expressions: dict[str, str] = {}
+        given: dict[str, float] = {}
+        if nominal.model is not None:
+            base = nominal.model.base
+            expressions = dict(zip(base.names, base.expressions, strict=True))
+            if any(stage.name == "given" for stage in result.stages):
+                given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
+        for name, by in result.extended_parameters.items():
+            words, key = _place(name, expressions.get(name, ""), result.joints, nominal)
+            numbers = given.get(name), by.value, by.std
+            rows.append(ChangedValue(name, words, key, *numbers, by.unit))
+    else:
+        for p in result.parameters:
+            words, key = _place(p.name, p.expression, result.joints, nominal)
+            numbers = p.given_value, p.value, p.std
+            rows.append(ChangedValue(p.name, words, key, *numbers, p.unit))
+    return sorted(rows, key=lambda row: not row.key)
+
+
+def _place(
+    name: str, expression: str, joints: tuple[str, ...], nominal: Nominal
+) -> tuple[str, str]:
+    """Return what a base parameter is in words, and its element or key (a sum: its expression)."""
+    parts = re.fullmatch(r"([A-Za-z]+)(\d+)", name)
+    if parts is None or expression != name or parts[1] not in _ELEMENTS:
+        return expression or name, ""
+    number = int(parts[2]) - 1
+    if number >= len(joints):
+        return name, ""
+    link = nominal.skeleton.links[number] if nominal.skeleton else f"link {number + 1}"
+    key = _ELEMENTS[parts[1]][nominal.is_mjcf]
+    return words_of_name(name, joints), key.format(link=link, joint=joints[number], number=number)
+
+
+def _changes(report: Report[Any]) -> dict[str, Any] | None:
+    rows = changed_values(report.result, report.nominal)
+    if not rows:
+        return None
+    return {
+        "single": [row for row in rows if row.key and row.significant is not False],
+        "kept": [row for row in rows if row.key and row.significant is False],
+        "sums": [row for row in rows if not row.key],
+        "config": report.files.config,
+        "given_known": any(row.given is not None for row in rows),
+    }
+
+
+CHANGES: Section[Any] = Section("Given → new", "changes", "changes.html.j2", _changes)

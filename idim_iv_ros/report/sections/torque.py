@@ -1,5 +1,6 @@
 """Sections on torque over time with each model's residual, and on closed-loop tracking."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from idim_iv_ros.report.figures import (
     ORANGE,
     SHADE,
     Figure,
-    Mark,
     TimeCurve,
     outline,
     over_time,
@@ -26,11 +26,10 @@ from idim_iv_ros.report.gap_words import (
     stage_words,
     torque_unit,
     torque_word,
-    worth_seeing,
 )
 from idim_iv_ros.report.numerals import percent, with_unit
 from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves, peaks
+from idim_iv_ros.report.time_axis import Curves, curves, peaks
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 320
@@ -52,28 +51,13 @@ def _context(report: Report[Any]) -> dict[str, Any] | None:
     rows = _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
     if not rows:
         return None
-    opened = worth_seeing(result)
-    left = "Gap" if isinstance(result, GapResult) else "Residual"
-    plots = [
-        (
-            row.joint,
-            row.words,
-            _figure(row, index, torque_unit(result, row.joint), report.session, left),
-            row.joint in opened,
-        )
-        for index, row in enumerate(rows)
-    ]
     models = {name: colour for row in rows for name, _, colour in row.models}
     return {
         "diagnosis": isinstance(result, GapResult),
         "session": report.session.words,
-        "legend": [
-            Mark("line", INK, "measured"),
-            *(Mark("line", colour, name) for name, colour in models.items()),
-            Mark("band", SHADE, "samples that do not count"),
-        ],
-        "plots": plots,
-        "columns": "one" if sum(plot[-1] for plot in plots) == 1 else "two",
+        "models": [("line", colour, name) for name, colour in models.items()],
+        "rows": rows,
+        "figure": partial(_figure, report),
     }
 
 
@@ -82,11 +66,8 @@ def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
     for series, residual in zip(result.series, result.residuals, strict=True):
         size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
         words = f"residual {percent(residual.relative_percent)}, rms {size}"
-        time, measured, predicted = map(
-            np.asarray, (series.time, series.measured, series.predicted)
-        )
-        models = [("predicted", predicted, BLUE)]
-        rows.append(_Joint(series.joint, time, measured, models, words, None))
+        models = [("predicted", series.predicted, BLUE)]
+        rows.append(_Joint(series.joint, series.time, series.measured, models, words, None))
     return rows
 
 
@@ -102,7 +83,9 @@ def _model_curves(result: GapResult) -> list[_Joint]:
     return rows
 
 
-def _figure(rows: _Joint, index: int, unit: str, session: SessionAxis, left: str) -> Figure:
+def _figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
+    unit, session = torque_unit(report.result, rows.joint), report.session
+    left = "Gap" if isinstance(report.result, GapResult) else "Residual"
     torques = [torque for _, torque, _ in rows.models]
     residuals = [rows.measured - torque for torque in torques]
     thinned = curves(
@@ -162,18 +145,12 @@ def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
             firsts.setdefault(series.joint, series)
     if not firsts:
         return None
-    plots = [
-        (series.joint, series.bag, tracking_figure(series, small_unit(result, series.joint), index))
-        for index, series in enumerate(firsts.values())
-    ]
     return {
         "missing": any(series.before is None or series.after is None for series in firsts.values()),
-        "legend": [
-            Mark("line", INK, "robot"),
-            Mark("line", GREY, f"simulated, before{_stage_name(result, 0)}"),
-            Mark("line", BLUE, f"simulated, after{_stage_name(result, -1)}"),
-        ],
-        "plots": plots,
+        "before": _stage_name(result, 0),
+        "after": _stage_name(result, -1),
+        "drawn": list(firsts.values()),
+        "figure": partial(tracking_figure, result),
     }
 
 
@@ -183,8 +160,9 @@ def _stage_name(result: GapResult, place: int) -> str:
     return f" ({stage_words(simulated[place])})" if simulated else ""
 
 
-def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure:
+def tracking_figure(result: GapResult, series: TrackingSeries) -> Figure:
     """Return a figure: tracking errors above, simulated less recorded ones below."""
+    unit = small_unit(result, series.joint)
     motions = (("before", series.before, GREY), ("after", series.after, BLUE))
     simulated = [(name, values, colour) for name, values, colour in motions if values is not None]
     # Both errors have the same reference: their difference is that of the positions.
@@ -198,7 +176,7 @@ def tracking_figure(series: TrackingSeries, unit: str, index: int = 0) -> Figure
         drawn.append(TimeCurve(1e3 * gap[chosen], colour, 1.0, words, below=True))
     drawn.append(TimeCurve(1e3 * series.measured[chosen], INK, 0.9, f"robot {size}"))
     return over_time(
-        f"tracking-{index}",
+        f"tracking-{result.joints.index(series.joint)}",
         _HEIGHT,
         f"Tracking error of {series.joint}, robot and simulations, over time",
         series.time[chosen],

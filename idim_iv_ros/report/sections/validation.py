@@ -1,5 +1,6 @@
 """Sections on validation: is the residual noise, and are the instruments valid?"""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,89 +10,19 @@ from idim_iv_ros.report.figures import (
     BLUE,
     INK,
     ORANGE,
-    SHADE,
     Figure,
-    Mark,
     axis,
     band,
-    layout,
     line,
 )
-from idim_iv_ros.report.numerals import count, number, p_equals
-from idim_iv_ros.report.section import Report, Section
-from idim_iv_ros.statistics.hypothesis import HypothesisTest
+from idim_iv_ros.report.section import Section
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
-_SPACE = "\N{NO-BREAK SPACE}"
-
-# An answer and what it rests on.
-Answer = tuple[str, str]
 
 
-def _context(report: Report[IdentificationResult]) -> dict[str, Any]:
-    row_rate = report.result.processing.row_rate
-    return {
-        "answers": (_white, _whitened_answer, _gaussian_answer),
-        "legend": [
-            Mark("line", ORANGE, "residual as it is"),
-            Mark("line", BLUE, "whitened by the autoregressive filter"),
-            Mark("band", SHADE, "95 % of a white residual's correlations"),
-        ],
-        "plots": [
-            (residual.joint, _state(residual), _acf(residual, row_rate, index))
-            for index, residual in enumerate(report.result.residuals)
-        ],
-    }
-
-
-def _white(residual: JointResidual) -> Answer:
-    test = residual.whiteness
-    if residual.white is None:
-        return "not tested", test.reason or ""
-    if not residual.white:
-        return "no", _p_text(test)
-    return ("yes" if test.accepted else "yes, its autocorrelation is harmless"), _p_text(test)
-
-
-def _whitened_answer(residual: JointResidual) -> Answer:
-    test = residual.whiteness_after
-    if residual.ar_order == 0:
-        return "nothing to filter", ""
-    if test.accepted is None:
-        return "not tested", test.reason or ""
-    if test.accepted:
-        return "yes", _p_text(test)
-    largest = number(residual.largest_correlation_after, 2)
-    return "not fully", f"{_p_text(test)}, largest correlation {largest}"
-
-
-def _gaussian_answer(residual: JointResidual) -> Answer:
-    test = residual.normality
-    if test.accepted is None:
-        return "not tested", test.reason or ""
-    skewness, kurtosis = residual.skewness, residual.excess_kurtosis
-    shape = f"skewness {number(skewness, 2)}, excess kurtosis {number(kurtosis, 2)}"
-    if test.accepted:
-        return "yes", f"{_p_text(test)}; {shape}"
-    near = abs(skewness) < 0.5 and abs(kurtosis) < 1.0
-    return ("nearly" if near else "no"), f"{_p_text(test)}; {shape}"
-
-
-def _p_text(test: HypothesisTest) -> str:
-    return f"p{_SPACE}{p_equals(test.p_value).replace(' ', _SPACE)}"
-
-
-def _state(residual: JointResidual) -> str:
-    if residual.white is None:
-        return "autocorrelation not tested"
-    return (
-        "may be treated as white" if residual.white else f"autocorrelated, AR({residual.ar_order})"
-    )
-
-
-def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
-    """Return a figure of the autocorrelation before and after whitening, with its bounds."""
+def _acf(result: IdentificationResult, residual: JointResidual) -> Figure:
+    rate = result.processing.row_rate
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:
         data.append(_stems(residual.acf_whitened, BLUE, "whitened", 0.14, rate))
@@ -108,7 +39,13 @@ def _acf(residual: JointResidual, rate: float, index: int) -> Figure:
         ),
     }
     words = f"Autocorrelation of the residual of {residual.joint}"
-    return Figure(f"acf-{index}", _HEIGHT, words, data, layout(axes, shapes=[white]))
+    return Figure(
+        f"acf-{result.joints.index(residual.joint)}",
+        _HEIGHT,
+        words,
+        data,
+        {**axes, "shapes": [white]},
+    )
 
 
 def _stems(
@@ -134,36 +71,18 @@ def _stems(
     )
 
 
-RESIDUALS = Section(
+RESIDUALS: Section[IdentificationResult] = Section(
     "Residuals",
     "residuals",
     "residuals.html.j2",
-    _context,
+    lambda report: {"figure": partial(_acf, report.result)},
     "whether what is left is noise: autocorrelation, normality, refined deviations",
 )
-
-
-def _statistic(test: HypothesisTest) -> str:
-    """Return the statistic of a test with its distribution under the null hypothesis."""
-    df = count(test.df or 0)
-    law = f"χ²({df})" if test.df_denom is None else f"F({df}, {count(test.df_denom)})"
-    return f"{law} = {number(test.statistic, 3)}"
-
-
-def _badge(accepted: bool | None, neutral: bool) -> tuple[str, str, str]:
-    """Return the badge of a test; neutral where neither outcome is bad news."""
-    if accepted is None:
-        return "open", "–", "not tested"
-    words = "accepted" if accepted else "rejected"
-    if neutral:
-        return "fair", "=" if accepted else "≠", words
-    return ("good", "✓", words) if accepted else ("bad", "✕", words)
 
 
 INSTRUMENTS = Section(
     "Tests",
     "instruments",
     "instruments.html.j2",
-    lambda report: {"badge_of": _badge, "statistic": _statistic},
-    "Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
+    about="Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
 )

@@ -1,14 +1,18 @@
-"""The first screen of a report: findings, next steps, drawing of the robot, key numbers."""
+"""The answer of a report: findings, next steps, drawing of the robot, causes, what changed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model.skeleton import Skeleton
 from idim_iv_ros.report.advice import (
+    FAMILIES,
+    contrast_headline,
+    contrast_steps,
     diagnosis_headline,
     diagnosis_steps,
     difference_rows,
@@ -16,29 +20,33 @@ from idim_iv_ros.report.advice import (
     identification_steps,
     verdict_badge,
 )
-from idim_iv_ros.report.gap_words import duration, lacking_row, verdict_of, wrong_numbers
-from idim_iv_ros.report.numerals import count, exact, is_number, number, percent, plural, with_unit
+from idim_iv_ros.report.gap_words import (
+    contrast_badge,
+    hint_words,
+    lacking_row,
+    verdict_of,
+    wrong_numbers,
+)
+from idim_iv_ros.report.numerals import is_number, percent
 from idim_iv_ros.report.section import R, Report, Section
 from idim_iv_ros.types import FloatArray
 
-# From small to large shares; distinct on white and on black, and by lightness.
-_COLOURS = ((0.0, (154, 181, 204)), (0.45, (240, 170, 95)), (1.0, (190, 52, 20)))
 # Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
 _AXIS, _AXIS_ALONE = 0.07, 0.2
 _SIZE = 330.0  # pixels of the robot's longer side
 _COLUMN, _LINE, _LETTER = 30.0, 18.0, 8.0  # pixels: to the labels, height and letter of one
 _AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(20.0)
 
-# Name, value, note.
-Tile = tuple[str, str, str]
 
+def _robot(report: Report[R]) -> dict[str, Any] | None:
+    """Return the variables of the macro ``robot``; None where the robot cannot be drawn.
 
-def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
-    """Return a drawing of the robot with coloured joints; None where it cannot be drawn."""
-    skeleton = report.nominal.skeleton
+    The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
+    x2, y2), pixels, y downwards.
+    """
+    skeleton, result = report.nominal.skeleton, report.result
     if skeleton is None:
         return None
-    result = report.result
     values: Mapping[str, float | None]
     if isinstance(result, GapResult):
         values = {joint_gap.joint: 100.0 * joint_gap.share for joint_gap in result.where.joints}
@@ -46,21 +54,6 @@ def _shaded_robot(report: Report[R]) -> dict[str, Any] | None:
     else:
         values = result.fit.joint_relative_error_percent
         title = "relative error of the torque"
-    shares = [values.get(joint) for joint in result.joints]
-    return robot_drawing(skeleton, result.joints, shares, title)
-
-
-def robot_drawing(
-    skeleton: Skeleton,
-    joints: Sequence[str],
-    values: Sequence[float | None],
-    title: str,
-) -> dict[str, Any]:
-    """Return the variables of the macro ``robot``; `values` (n_joints,), %, colour the joints.
-
-    The robot has a corner at 0, 0; labels are in a column to the right of it. Lines are (x1, y1,
-    x2, y2), pixels, y downwards.
-    """
     points = np.array([point for line in skeleton.segments for point in line])
     size = float(np.ptp(points, axis=0).max())
     half = (_AXIS * size or _AXIS_ALONE) * skeleton.axes
@@ -80,17 +73,16 @@ def robot_drawing(
         pixels[..., 1] = height - pixels[..., 1]
         return [[round(float(end), 1) for end in line] for line in pixels.reshape(len(lines), -1)]
 
-    largest = max([1e-3, *filter(is_number, values)])
+    largest = max([1e-3, *filter(is_number, values.values())])
     drawn: list[dict[str, Any]] = []
-    rows = zip(joints, values, placed(axes), strict=True)
-    for joint, value, axis in sorted(rows, key=lambda row: row[2][1] + row[2][3]):
+    rows = zip(result.joints, placed(axes), strict=True)
+    for joint, axis in sorted(rows, key=lambda row: row[1][1] + row[1][3]):
+        value = values.get(joint)
         x, y = 0.5 * (axis[0] + axis[2]), 0.5 * (axis[1] + axis[3])
         label = f"{joint}: {percent(value)}"
         line = max(y, drawn[-1]["line"] + _LINE) if drawn else y
         share = value / largest if is_number(value) else 0.0
-        drawn.append(
-            {"x": x, "y": y, "line": line, "axis": axis, "colour": _colour(share), "label": label}
-        )
+        drawn.append({"x": x, "y": y, "line": line, "axis": axis, "share": share, "label": label})
     words = ", ".join(joint["label"] for joint in drawn)
     return {
         "title": title,
@@ -110,17 +102,8 @@ def _project(point: FloatArray) -> FloatArray:
     return np.array([turned, np.cos(_ELEVATION) * point[2] - np.sin(_ELEVATION) * toward])
 
 
-def _colour(share: float) -> str:
-    """Return the CSS colour of a share from 0 to 1, between those of `_COLOURS`."""
-    places = [place for place, _ in _COLOURS]
-    parts = zip(*(colour for _, colour in _COLOURS), strict=True)
-    mixed = [round(float(np.interp(share, places, part))) for part in parts]
-    return f"rgb({', '.join(map(str, mixed))})"
-
-
 def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
-    """Return variables of the template with the drawing of the robot."""
-    return {"robot": _shaded_robot(report), "missing": report.nominal.missing, **context}
+    return {"robot": _robot(report), "missing": report.nominal.missing, **context}
 
 
 def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
@@ -130,37 +113,8 @@ def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
         badge=verdict_badge(result.verdict.verdict),
         headline=identification_headline(result),
         steps=identification_steps(report),
-        tiles=_identification_tiles(result),
         badge_of=verdict_badge,
     )
-
-
-def _identification_tiles(result: IdentificationResult) -> Sequence[Tile]:
-    fit = result.fit
-    ls_error = f"IDIM-LS: {percent(fit.ls_relative_error_percent, 3)}"
-    if result.estimator == "idim-ls":
-        ls_error = "of the measured torque"
-    seconds = sum(bag.duration for bag in result.bags)
-    rates = " and ".join(exact(rate, "Hz") for rate in sorted({bag.rate for bag in result.bags}))
-    row_rate = exact(round(result.processing.row_rate, 2), "Hz")
-    essential = f"{fit.essential_parameters} of {fit.base_parameters}"
-    return [
-        ("Relative error", percent(fit.relative_error_percent, 3), ls_error),
-        ("Parameters", essential, "sums that the torque shows, needed to explain it"),
-        _iterations(result),
-        ("Recorded", with_unit(seconds, "s"), f"{plural(len(result.bags), 'recording')}, {rates}"),
-        ("Used", count(fit.samples), f"samples of all joints, decimated to {row_rate}"),
-        ("Condition number", number(fit.condition_number), "of the observation matrix"),
-    ]
-
-
-def _iterations(result: IdentificationResult) -> Tile:
-    if result.estimator == "idim-ls":
-        return ("Estimator", "IDIM-LS", result.convergence_note)
-    state = "converged" if result.converged else "NOT converged"
-    if not result.converged:
-        state += ": " + result.convergence_note.removeprefix("not converged: ")
-    return ("Iterations", str(result.iterations), state)
 
 
 def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
@@ -177,20 +131,35 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
         ],
         wrong=wrong_numbers(result),
         differing=difference_rows(result),
-        tiles=_diagnosis_tiles(result),
         model="nominal model" if nominal else "refit",
     )
 
 
-def _diagnosis_tiles(result: GapResult) -> Sequence[Tile]:
-    bags = plural(len(result.bags), "recording")
-    untestable = "effects that this recording cannot show"
-    return [
-        ("Recorded", with_unit(duration(result), "s"), bags),
-        ("Hints", str(len(result.hints)), "that are not sure enough for a cause"),
-        ("Not testable", str(len(result.not_testable)), untestable),
-    ]
-
-
 VERDICT = Section("Verdict", "verdict", "verdict.html.j2", _identification)
 GAP_VERDICT = Section("Verdict", "verdict", "gap_verdict.html.j2", _diagnosis)
+
+
+def _causes(report: Report[GapResult]) -> dict[str, Any]:
+    rest, hints = report.result.unexplained, report.result.hints
+    likeliest = None if rest is None else rest.likeliest(hints)
+    return {
+        "separating_motion": separating_motion,
+        "surest": surest,
+        "family": "" if rest is None else FAMILIES[rest.family],
+        "likeliest": likeliest and hint_words(likeliest),
+    }
+
+
+def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
+    contrast = report.result.contrast
+    if contrast is None:
+        return None
+    return {
+        "badge": contrast_badge(contrast),
+        "headline": contrast_headline(report.result, contrast),
+        "steps": contrast_steps(contrast, report.files),
+    }
+
+
+CAUSES = Section("Causes", "causes", "causes.html.j2", _causes)
+CONTRAST = Section("What changed", "contrast", "contrast.html.j2", _contrast)
