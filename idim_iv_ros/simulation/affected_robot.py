@@ -1,28 +1,24 @@
 """A robot with effects as the plant, arrays and control loop that compiled code works on."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.effects.contribution import (
     STATES,
-    Contribution,
     CouplingTerm,
-    DriveCurve,
     EncoderError,
     Load,
     ShaftPart,
     TorqueTerm,
 )
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
-from idim_iv_ros.model.parameters import DynamicParameters
-from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL, Effects, Rows
-from idim_iv_ros.simulation.effects import JointEffect
-from idim_iv_ros.simulation.plant import Plant, plant
+from idim_iv_ros.simulation.effects import JointContributions
+from idim_iv_ros.simulation.plant import Contacts, Plant, plant
 from idim_iv_ros.simulation.shaft import fastest_shaft, joined_shafts, split_drives
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -30,40 +26,7 @@ from idim_iv_ros.types import FloatArray, IntArray
 SHAFT_ANGLE = 0.4
 # Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
 STICKS = 1e-9
-
-_Kind = TypeVar("_Kind", bound=Contribution)
-
-
-@dataclass(frozen=True)
-class JointContributions:
-    """What effects add to a robot: contributions with their joints (the second one, or -1)."""
-
-    items: tuple[tuple[int, int, Contribution], ...]
-
-    def of(self, kind: type[_Kind]) -> Iterator[tuple[int, _Kind]]:
-        """Pairs of a joint and its contribution, of all contributions of a kind."""
-        return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
-
-    @property
-    def curves(self) -> list[tuple[int, DriveCurve]]:
-        """Changes of commands in the order in which they act, each after its joint."""
-        return sorted(self.of(DriveCurve), key=lambda item: item[1].law.rank)
-
-    @property
-    def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
-        """Couplings with the two joints between which they act."""
-        return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
-
-
-def contributions_of(effects: Sequence[JointEffect], coulomb: FloatArray) -> JointContributions:
-    """What effects add to joints with this Coulomb friction, (n_joints,) N m (N)."""
-    return JointContributions(
-        tuple(
-            (one.joint, one.other_joint, contribution)
-            for one in effects
-            for contribution in one.contributions(float(coulomb[one.joint]))
-        )
-    )
+_Row = tuple[int, int, Load, tuple[float, ...]]  # law, joint or contact, load, values
 
 
 def affected_robot(
@@ -148,18 +111,11 @@ def affected_plant(
         shaft=np.array(numbers, dtype=float).reshape(-1, 3),
         force=np.zeros(len(grown.offset)),
         stiffness=np.zeros_like(grown.damping),
-        link_q=np.zeros(n),
-        link_speed=np.zeros(n),
-        rest=np.zeros(n),
-        load=np.zeros(n),
-        static=np.zeros(n),
-        inertial=np.zeros(n),
+        **{name: np.zeros(n) for name in ("link_q", "link_speed", "rest")},
+        **{name: np.zeros(n) for name in ("load", "static", "inertial")},
         rigid_mass=np.zeros((n, n)),
         measured=np.zeros((2, n)),
     )
-
-
-_Row = tuple[int, int, Load, tuple[float, ...]]
 
 
 def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: int) -> Rows:
@@ -173,27 +129,28 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
         elif isinstance(part, CouplingTerm):
             torques.append((TORQUE_LAWS.index(part.law), contact, Load.LINKS, part.values))
             contact += 1
-    curves: list[_Row] = [
+    rows = torques + [
         (DRIVE_LAWS.index(curve.law), int(place[joint]), Load.LINKS, curve.values)
         for joint, curve in added.curves
     ]
-    errors: list[_Row] = [
+    first_error = len(rows)
+    rows += [
         (ENCODER_LAWS.index(error.law), int(place[joint]), Load.LINKS, error.values)
         for joint, error in added.of(EncoderError)
     ]
-    rows = [*torques, *curves, *errors]
+    kinds, joints, loads = np.array([row[:3] for row in rows], dtype=np.int64).reshape(-1, 3).T
     value = np.zeros((len(rows), max((len(row[3]) for row in rows), default=0)))
     for row, (*_, values) in zip(value, rows, strict=True):
         row[: len(values)] = values
     stateful = [k for k, row in enumerate(torques) if TORQUE_LAWS[row[0]].advance is not None]
     return Rows(
-        kind=np.array([row[0] for row in rows], dtype=np.int64),
-        joint=np.array([row[1] for row in rows], dtype=np.int64),
+        kind=kinds.copy(),
+        joint=joints.copy(),
         value=value,
-        load=np.array([row[2] for row in rows], dtype=np.int64),
+        load=loads.copy(),
         state=np.zeros((len(torques), STATES)),
         stateful=np.array(stateful, dtype=np.int64),
-        first_error=len(torques) + len(curves),
+        first_error=first_error,
     )
 
 
@@ -211,16 +168,18 @@ def _grown(base: Plant, added: JointContributions, place: IntArray, links: int) 
         parts = (values[:n], of_links, values[n:], of_couplings)
         return np.concatenate([np.asarray(part, dtype=values.dtype) for part in parts])
 
+    first, second, direction = base.contacts
+    least = [LEAST_LEVEL if term.dry else 0.0 for term in terms]
     return base._replace(
         drive_inertia=np.pad(base.drive_inertia, (0, links)),
         damping=np.pad(base.damping, (0, links)),
         offset=np.pad(base.offset, (0, links)),
-        level=contacts(
-            base.level, np.zeros(links), [LEAST_LEVEL if term.dry else 0.0 for term in terms]
+        level=contacts(base.level, np.zeros(links), least),
+        contacts=Contacts(
+            contacts(first, np.arange(n, n + links), place[pairs[:, 0]]),
+            contacts(second, np.full(links, -1), place[pairs[:, 1]]),
+            contacts(direction, np.ones(links), [term.direction for term in terms]),
         ),
-        first=contacts(base.first, np.arange(n, n + links), place[pairs[:, 0]]),
-        second=contacts(base.second, np.full(links, -1), place[pairs[:, 1]]),
-        direction=contacts(base.direction, np.ones(links), [term.direction for term in terms]),
     )
 
 

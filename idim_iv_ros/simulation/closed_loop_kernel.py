@@ -94,41 +94,6 @@ def command(
 
 
 @kernel
-def filter_command(loop: Loop, first: bool, filtered: FloatArray, out: FloatArray) -> None:
-    """Put the command behind the first-order filter of those joints that have one.
-
-    `filtered` (n,) is the filter's state; it starts at the first command.
-    """
-    for i in range(out.shape[0]):
-        if loop.lag[i] > 0.0:
-            if first:
-                filtered[i] = out[i]
-            filtered[i] -= (out[i] - filtered[i]) * math.expm1(-loop.period / loop.lag[i])
-            out[i] = filtered[i]
-
-
-@kernel
-def see_speed(loop: Loop, first: bool, state: State, q: FloatArray, dq: FloatArray) -> None:
-    """Filter differences of the positions that a law sees whose speed is not the exact one."""
-    for i in range(state.speed.shape[0]):
-        if first:
-            state.speed[i] = dq[i]
-        else:
-            difference = (q[i] - state.seen[i]) / loop.period
-            state.speed[i] += loop.speed_factor * (difference - state.speed[i])
-        state.seen[i] = q[i]
-
-
-@kernel
-def too_fast(dq: FloatArray) -> int:
-    """Joint whose speed is not below the limit, or -1."""
-    for i in range(dq.shape[0]):
-        if not abs(dq[i]) < SPEED_LIMIT:
-            return i
-    return -1
-
-
-@kernel
 def copy(source: FloatArray, target: FloatArray) -> None:
     """Copy values: numba takes a second to compile the assignment of a slice."""
     for i in range(source.shape[0]):
@@ -140,12 +105,23 @@ def _send(
     loop: Loop, state: State, time: float, controls: int, q: FloatArray, dq: FloatArray
 ) -> None:
     """Command of one control instant for what the encoders show, into the ring of pending ones."""
-    row = state.pending[controls % state.pending.shape[0]]
-    if loop.speed_factor > 0.0:
-        see_speed(loop, controls == 0, state, q, dq)
+    row, filtered = state.pending[controls % state.pending.shape[0]], state.filtered
+    if loop.speed_factor > 0.0:  # the law sees filtered differences of the positions
+        for i in range(q.shape[0]):
+            if controls == 0:
+                state.speed[i] = dq[i]
+            else:
+                difference = (q[i] - state.seen[i]) / loop.period
+                state.speed[i] += loop.speed_factor * (difference - state.speed[i])
+            state.seen[i] = q[i]
         dq = state.speed
     command(loop, time, q, dq, state.integral, row)
-    filter_command(loop, controls == 0, state.filtered, row)
+    for i in range(row.shape[0]):
+        if loop.lag[i] > 0.0:  # a filter of first order behind the law, from the first command on
+            if controls == 0:
+                filtered[i] = row[i]
+            filtered[i] -= (row[i] - filtered[i]) * math.expm1(-loop.period / loop.lag[i])
+            row[i] = filtered[i]
 
 
 @kernel
@@ -256,18 +232,12 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                 until = min(until, state.arrivals[i] * loop.period + state.fraction[i])
             steps = max(math.ceil((until - time) / loop.plant_step - 1e-6), 1)
             for k in range(steps):
-                if not advance(
-                    plant,
-                    effects,
-                    time + k * (until - time) / steps,
-                    state,
-                    (until - time) / steps,
-                    work,
-                ):
+                start, step = time + k * (until - time) / steps, (until - time) / steps
+                if not advance(plant, effects, start, state, step, work):
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time
-                joint = too_fast(state.dq)
-                if joint >= 0:
-                    return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
+                for joint in range(state.dq.shape[0]):
+                    if not abs(state.dq[joint]) < SPEED_LIMIT:
+                        return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
             time = until
 
     @entry

@@ -26,10 +26,8 @@ LEAST_LEVEL = 1e-9
 
 _torque = dispatcher({kind: law.torque for kind, law in enumerate(TORQUE_LAWS)}, "p, at, state")
 _STATEFUL = {kind: law for kind, law in enumerate(TORQUE_LAWS) if law.advance is not None}
-_advance = dispatcher(
-    {kind: law.advance for kind, law in _STATEFUL.items() if law.advance is not None},
-    "p, state, dq, ddq, step",
-)
+_moves = {kind: law.advance for kind, law in _STATEFUL.items() if law.advance is not None}
+_advance = dispatcher(_moves, "p, state, dq, ddq, step")
 _turns = dispatcher({kind: law.turns for kind, law in _STATEFUL.items()}, "p, state, dq, ddq, step")
 _curve = dispatcher({kind: law.curve for kind, law in enumerate(DRIVE_LAWS)}, "p, command")
 _error = dispatcher({kind: law.error for kind, law in enumerate(ENCODER_LAWS)}, "p, q")
@@ -38,11 +36,9 @@ _error = dispatcher({kind: law.error for kind, law in enumerate(ENCODER_LAWS)}, 
 class Rows(NamedTuple):
     """Contributions with compiled laws: t torques first, then drive curves, then encoder errors."""
 
-    # kind, joint, value: (rows,), (rows,), (rows, most values): of each its law, its joint in tree
-    # order (of a coupling its contact), the law's values
-    kind: IntArray
-    joint: IntArray
-    value: FloatArray
+    kind: IntArray  # (rows,): law
+    joint: IntArray  # (rows,): in tree order; of a coupling its contact
+    value: FloatArray  # (rows, most values): of the law
     load: IntArray  # (rows,): what a torque takes as the load (`contribution.Load`)
     state: FloatArray  # (t, STATES)
     stateful: IntArray  # (torques with a state,): their rows
@@ -111,7 +107,7 @@ def advance_states(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> 
 
 @kernel
 def states_turn(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> bool:
-    """Whether a state turns into another regime within this step, which is then set.
+    """Whether a state turns within this step into another regime, which is then set.
 
     The step is to be computed anew.
     """
@@ -151,7 +147,7 @@ def effect_torques(
     rows, n = effects.rows, effects.link.shape[0]
     for t in range(rows.state.shape[0]):
         c = rows.joint[t]
-        w = slip(plant.first, plant.second, plant.direction, c, speed)
+        w = slip(plant.contacts, c, speed)
         if effects.dry[c] and (mode[c] != 0 or c >= n):
             sign = float(mode[c])
         elif effects.dry[c]:
@@ -174,11 +170,11 @@ def effect_torques(
             effects.force[c] += torque.force
             effects.stiffness[c, c] += torque.stiffness
         else:
-            a, b, direction = plant.first[c], plant.second[c], plant.direction[c]
+            a, b = plant.contacts.first[c], plant.contacts.second[c]
             plant.damping[a, a] += torque.damping
             plant.damping[b, b] += torque.damping
-            plant.damping[a, b] += direction * torque.damping
-            plant.damping[b, a] += direction * torque.damping
+            plant.damping[a, b] += plant.contacts.direction[c] * torque.damping
+            plant.damping[b, a] += plant.contacts.direction[c] * torque.damping
     for c in range(effects.level.shape[0]):
         if effects.dry[c]:
             plant.level[c] = max(plant.level[c], LEAST_LEVEL)
@@ -210,10 +206,10 @@ def _drive_torque(
     for c in range(speed.shape[0], mode.shape[0]):
         level = effects.model_level[c]
         friction = mode[c] * level if mode[c] != 0 else min(max(holding[c], -level), level)
-        if plant.first[c] == joint:
+        if plant.contacts.first[c] == joint:
             total += friction
-        elif plant.second[c] == joint:
-            total += plant.direction[c] * friction
+        elif plant.contacts.second[c] == joint:
+            total += plant.contacts.direction[c] * friction
     return total
 
 

@@ -121,9 +121,7 @@ def advance(
             fraction = 1.0
         for c in range(contacts):
             if state.resting[c]:
-                state.resting[c] = (
-                    mode[c] == 0 or slip(plant.first, plant.second, plant.direction, c, ddq) == 0.0
-                )
+                state.resting[c] = mode[c] == 0 or slip(plant.contacts, c, ddq) == 0.0
             else:
                 state.resting[c] = work.crossing[c] <= fraction + TOGETHER
         part = fraction * left
@@ -151,8 +149,8 @@ def _first_crossing(plant: Plant, state: State, step: float, crossing: FloatArra
         if state.resting[c] or plant.level[c] <= 0.0:
             continue
         sign = state.mode[c]
-        start = sign * slip(plant.first, plant.second, plant.direction, c, state.dq)
-        end = start + step * sign * slip(plant.first, plant.second, plant.direction, c, state.ddq)
+        start = sign * slip(plant.contacts, c, state.dq)
+        end = start + step * sign * slip(plant.contacts, c, state.ddq)
         if start <= 0.0:
             crossing[c] = 0.0
         elif end <= 0.0:
@@ -171,12 +169,11 @@ def _stop(plant: Plant, resting: NDArray[np.bool_], dq: FloatArray) -> None:
     for c in range(n, resting.shape[0]):
         if not resting[c]:
             continue
-        a, b = plant.first[c], plant.second[c]
+        a, b, sign = plant.contacts.first[c], plant.contacts.second[c], plant.contacts.direction[c]
         if resting[a]:
             dq[b] = 0.0
         elif resting[b]:
             dq[a] = 0.0
         else:  # both joints move: the nearest speeds that do not slip
-            sign = plant.direction[c]
             dq[b] = 0.5 * (dq[b] - sign * dq[a])
             dq[a] = -sign * dq[b]

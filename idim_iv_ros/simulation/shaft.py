@@ -7,9 +7,7 @@ import numpy as np
 
 from idim_iv_ros.effects.contribution import ShaftPart
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model.parameters import DynamicParameters, parameter_layout
-from idim_iv_ros.model.regressor import StandardRegressor
-from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.model import DynamicParameters, RobotModel, StandardRegressor, parameter_layout
 from idim_iv_ros.simulation.rigid_body import inverse_dynamics, mass_matrix
 from idim_iv_ros.types import FloatArray
 

@@ -24,7 +24,7 @@ from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf_reader import LARGEST
 from idim_iv_ros.physical import PhysicalParameters, StandardValue
 from idim_iv_ros.physical.remainder import USUAL_ERROR
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulator_files.named import (
     CorrectedModel,
     cause_name,
@@ -79,7 +79,7 @@ def read_answer(
     effects = tuple(
         effect_of_cause(cause, f"{path}: causes", refit=of_refit) for cause in structural
     )
-    joint_effects(effects, model.robot.joints)  # names and numbers as the simulator takes them
+    contributions_of(effects, model.robot.joints)  # names and numbers as the simulator takes them
     notes = tuple(
         f"{cause_name(cause)} is indistinguishable from "
         f"{', '.join(other.effect for other in cause.indistinguishable_from)}: it is a guess"

@@ -41,12 +41,7 @@ from idim_iv_ros.files import FilePath
 from idim_iv_ros.model.link_motion import LinkFrames
 from idim_iv_ros.model.mujoco_package import load_mujoco
 from idim_iv_ros.simulation import dry_friction, effect_kernel
-from idim_iv_ros.simulation.affected_robot import (
-    JointContributions,
-    affected_plant,
-    contributions_of,
-    encoder_error,
-)
+from idim_iv_ros.simulation.affected_robot import affected_plant, encoder_error
 from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.effect_kernel import (
     LEAST_LEVEL,
@@ -54,8 +49,8 @@ from idim_iv_ros.simulation.effect_kernel import (
     effect_torques,
     states_turn,
 )
-from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
-from idim_iv_ros.simulation.plant import Plant
+from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
+from idim_iv_ros.simulation.plant import Contacts, Plant
 from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.simulators.mujoco_parts import (
     SHAFT,
@@ -93,8 +88,7 @@ class Effects:
             effects = read_effects(Path(effects)).effects
         given = [effect for effect in effects if not effect.native]
         names = _joint_names(self._mujoco, model)
-        parts = joint_effects(given, names)
-        affected = {names[j] for part in parts for j in (part.joint, part.other_joint) if j >= 0}
+        affected = {names[joint] for joint in contributions_of(given, names).joints}
         constant = [effect for effect in given if part_of(effect.effect) == "offset"]
         used = affected | {effect.joint for effect in constant}
         self.joints = tuple(name for name in names if name in used)
@@ -102,8 +96,8 @@ class Effects:
         self._dof = np.array([int(joint.dofadr[0]) for joint in joints], dtype=np.int64)
         self._qpos = np.array([int(joint.qposadr[0]) for joint in joints], dtype=np.int64)
         # Numbered as the joints with effects, not as all of the model.
-        numbered = joint_effects(given, self.joints)
-        added = self._added = contributions_of(numbered, model.dof_frictionloss[self._dof])
+        added = contributions_of(given, self.joints, model.dof_frictionloss[self._dof])
+        self._added = added
         self._offset = np.zeros(len(joints))
         for effect in constant:
             if effect.joint in self.joints:
@@ -159,9 +153,7 @@ class Effects:
             damping=np.diag(friction[1]),
             offset=np.zeros(n),
             level=friction[0],
-            first=joints,
-            second=np.full(n, -1),
-            direction=np.ones(n),
+            contacts=Contacts(joints, np.full(n, -1), np.ones(n)),
         )
         return affected_plant(base, friction, added, joints, {}, start_time)
 
@@ -265,8 +257,7 @@ def _entry(digest: str) -> Callable[..., Any]:
         contact at rest would be moved. `mode` is written over.
         """
         _ = digest
-        n, contact = dq.shape[0], (plant.first, plant.second, plant.direction)
-        position, speed = effects.link_q, effects.link_speed
+        n, position, speed = dq.shape[0], effects.link_q, effects.link_speed
         # States along the way that MuJoCo has just gone, and then all in the middle of this step.
         for i in range(n):
             speed[i] = moved[i] / step
@@ -276,12 +267,12 @@ def _entry(digest: str) -> Callable[..., Any]:
             position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
             effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]
         for c in range(mode.shape[0]):
-            mode[c] = np.sign(slip(*contact, c, speed))
+            mode[c] = np.sign(slip(plant.contacts, c, speed))
         effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
         # Damping of couplings goes to their tendons; off the diagonal is no other.
         for c in range(n, mode.shape[0]):
-            first, second = plant.first[c], plant.second[c]
-            friction[1, c] = plant.direction[c] * plant.damping[first, second]
+            first, second = plant.contacts.first[c], plant.contacts.second[c]
+            friction[1, c] = plant.contacts.direction[c] * plant.damping[first, second]
             plant.damping[first, first] -= friction[1, c]
             plant.damping[second, second] -= friction[1, c]
             plant.damping[first, second] = 0.0  # another one of the same joints has it no more
@@ -294,7 +285,8 @@ def _entry(digest: str) -> Callable[..., Any]:
             friction[0, c] = plant.level[c]
             if friction[1, c] < 0.0 and (c >= n or effects.dissipative[c]):
                 # Less friction at higher speed: a lower level, which cannot drive.
-                friction[0, c] += friction[1, c] * max(abs(slip(*contact, c, dq)), LEAST_SPEED)
+                moving = max(abs(slip(plant.contacts, c, dq)), LEAST_SPEED)
+                friction[0, c] += friction[1, c] * moving
                 friction[1, c] = 0.0
             friction[0, c] = max(friction[0, c], LEAST_LEVEL if effects.dry[c] else 0.0)
 

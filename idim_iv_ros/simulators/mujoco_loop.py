@@ -10,10 +10,9 @@ import numpy as np
 from idim_iv_ros.effects.registry import name_of
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
-from idim_iv_ros.simulation.affected_robot import contributions_of
 from idim_iv_ros.simulation.closed_loop import sampled_loop
 from idim_iv_ros.simulation.closed_loop_kernel import SPEED_LIMIT, Loop, send_command
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulation.plant import State, initial_state, plant
 from idim_iv_ros.simulators.mujoco import Effects
 from idim_iv_ros.simulators.mujoco_parts import REPLAY, StepTooLongError
@@ -74,7 +73,7 @@ def run_in_mujoco(
     if law.delay > 0.0:
         delayed.append(SimulatedEffect(name_of("delay"), None, {"delay": law.delay}))
     active, steps = _effects(model, delayed, period, references.start_time, longest_step)
-    added = contributions_of(joint_effects(effects, robot.joints), parameters.coulomb)
+    added = contributions_of(effects, robot.joints, parameters.coulomb)
     loop = sampled_loop(
         robot, law, added, references.position, references.velocity, None, references.rate, period
     )

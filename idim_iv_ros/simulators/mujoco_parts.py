@@ -23,8 +23,7 @@ from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads, set_first
-from idim_iv_ros.simulation.affected_robot import JointContributions, contributions_of
-from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
 from idim_iv_ros.simulation.shaft import completed_shaft, joined_shafts
 from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.types import FloatArray
@@ -159,8 +158,7 @@ def model_with_effects(model: FilePath, effects: FilePath) -> Any:
 def add_parts(spec: Any, effects: Sequence[SimulatedEffect]) -> None:
     """Add shafts and couplings to a specification that is not compiled yet."""
     joints = [joint.name for joint in spec.joints if joint.name]
-    given = joint_effects([effect for effect in effects if not effect.native], joints)
-    parts = contributions_of(given, np.zeros(len(joints)))
+    parts = contributions_of([effect for effect in effects if not effect.native], joints)
     for joint in dict.fromkeys(joint for joint, _ in parts.of(ShaftPart)):
         _add_shaft(spec, joints[joint])
     for first, second, term in parts.couplings:

@@ -31,7 +31,7 @@ from idim_iv_ros.simulation import (
     control_law,
     record_simulated_robot,
 )
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.types import FloatArray
 
@@ -121,7 +121,7 @@ def simulated_robot(
     if extended is not None:
         beyond = read_effects(Path(extended))
         truth, effects = beyond.changed(truth), beyond.effects
-        joint_effects(effects, model.robot.joints)
+        contributions_of(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
         law = replace(law, delay=settings.delay)

@@ -25,7 +25,7 @@ from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_warnings
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
 from idim_iv_ros.simulators.replay_models import (
@@ -214,7 +214,9 @@ def _stages(
         raise UsageError(prepared.why_no_given)
     stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
     effects, parameters = extended.effects, extended.base_parameters
-    joint_effects(effects, robot.joints)  # refuses what is not known before anything is simulated
+    contributions_of(
+        effects, robot.joints
+    )  # refuses what is not known before anything is simulated
     if str(model) != URDF:
         path = Path(model)
         stage = xml_stage(mujoco, robot, path, parameters)
