@@ -79,8 +79,11 @@ def _without_drawings(mujoco: Any, spec: Any) -> None:
         geom.material = ""
         if geom.type not in files and not geom.meshname:
             continue
-        body = geom.parent
-        if _moves(body) and (from_geometry or not body.explicitinertial):
+        body = carrier = geom.parent
+        while carrier is not None and carrier.name != "world" and not len(carrier.joints):
+            carrier = carrier.parent
+        moves = carrier is not None and carrier.name != "world"
+        if moves and (from_geometry or not body.explicitinertial):
             needed.add(geom.meshname)
         else:
             spec.delete(geom)
@@ -95,14 +98,6 @@ def _without_drawings(mujoco: Any, spec: Any) -> None:
             spec.delete(member)
 
 
-def _moves(body: Any) -> bool:
-    while body is not None and body.name != "world":
-        if len(body.joints):
-            return True
-        body = body.parent
-    return False
-
-
 @dataclass
 class _Writer:
     """Elements of a URDF from a compiled model."""
@@ -114,15 +109,17 @@ class _Writer:
     anchors: dict[int, FloatArray] = field(default_factory=lambda: {0: np.zeros(3)})
 
     def text(self) -> str:
+        model = self.model
         extension = element(EXTENSION, source="mjcf")
-        for note in notes(self.mujoco, self.model):
+        for note in notes(self.mujoco, model):
             ElementTree.SubElement(extension, "note").text = note
-        self.names = _joint_names(self.model)
-        self.tied = tied_joints(self.mujoco, self.model)
-        self.extra = extra_forces(self.mujoco, self.model)
-        self.home = self._home()
+        self.tied = tied_joints(self.mujoco, model)
+        self.extra = extra_forces(self.mujoco, model)
+        # Where joints that are not identified stay.
+        homes = [key for key in range(model.nkey) if model.key(key).name == _HOME]
+        self.home = np.array(model.key_qpos[homes[0]] if homes else model.qpos0)
         root = element("robot", extension, element("link", name=self._link(0)), name=self.name)
-        for body in range(1, self.model.nbody):
+        for body in range(1, model.nbody):
             root.extend(self._body(body))
         ElementTree.indent(root)
         return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -130,12 +127,10 @@ class _Writer:
     def _link(self, body: int) -> str:
         return str(self.model.body(body).name) or f"body_{body}"
 
-    def _home(self) -> FloatArray:
-        """Positions of `qpos` where joints that are not identified stay."""
-        for key in range(self.model.nkey):
-            if self.model.key(key).name == _HOME:
-                return np.array(self.model.key_qpos[key])
-        return np.array(self.model.qpos0)
+    def _name(self, joint: int) -> str:
+        body = int(self.model.jnt_bodyid[joint])
+        place = joint - int(self.model.body_jntadr[body]) + 1
+        return self.model.joint(joint).name or f"{self._link(body)}_joint_{place}"
 
     def _body(self, body: int) -> Iterator[Element]:
         """The link of a body, behind its joints and the links between them."""
@@ -151,7 +146,7 @@ class _Writer:
         for index in range(first, first + count):
             child = link
             if index < first + count - 1:
-                child = f"{link}_{self.names[index]}"
+                child = f"{link}_{self._name(index)}"
                 yield element("link", name=child)
             joint, before = self._moving(index, carrier, child, placement, anchor)
             yield joint
@@ -183,7 +178,7 @@ class _Writer:
             if index in reasons:
                 beyond[key] = reasons[index]
         parts += [_origin(placement), element(EXTENSION, **beyond)]
-        return _joint(self.names[index], urdf_type, carrier, child, *parts), anchor
+        return _joint(self._name(index), urdf_type, carrier, child, *parts), anchor
 
     def _numbers_of(self, index: int, limited: bool) -> Iterator[Element]:
         """Limits, where there are any, and friction of a joint."""
@@ -205,19 +200,18 @@ class _Writer:
         model = self.model
         effort = float(np.abs(model.jnt_actfrcrange[index]).max())
         effort = effort if model.jnt_actfrclimited[index] else np.inf
-        armature = damping = 0.0
-        for actuator in range(model.nu):
-            if model.actuator_trntype[actuator] != self.mujoco.mjtTrn.mjTRN_JOINT:
-                continue
-            if int(model.actuator_trnid[actuator, 0]) != index:
-                continue
+        beyond = {"armature": 0.0, "damping": 0.0}
+        driven = model.actuator_trntype == self.mujoco.mjtTrn.mjTRN_JOINT
+        for actuator in np.flatnonzero(driven & (model.actuator_trnid[:, 0] == index)):
             gear = float(model.actuator_gear[actuator, 0])
             if model.actuator_forcelimited[actuator]:
                 largest = float(np.abs(model.actuator_forcerange[actuator]).max())
                 effort = min(effort, abs(gear) * largest)
-            armature += gear**2 * _first(getattr(model, "actuator_armature", None), actuator)
-            damping += gear**2 * _first(getattr(model, "actuator_damping", None), actuator)
-        return effort, armature, damping
+            # Not every version of MuJoCo has these.
+            for key in ("armature", "damping"):
+                values = getattr(model, f"actuator_{key}", np.zeros(model.nu))
+                beyond[key] += gear**2 * float(np.ravel(values[actuator])[0])
+        return effort, beyond["armature"], beyond["damping"]
 
 
 def element(tag: str, /, *children: Element, **attributes: str) -> Element:
@@ -230,22 +224,6 @@ def element(tag: str, /, *children: Element, **attributes: str) -> Element:
 def _joint(name: str, urdf_type: str, parent: str, child: str, *parts: Element) -> Element:
     ends = element("parent", link=parent), element("child", link=child)
     return element("joint", *ends, *parts, name=name, type=urdf_type)
-
-
-def _first(values: Any, index: int) -> float:
-    """Value of an actuator; zero where this version of MuJoCo has none."""
-    return 0.0 if values is None else float(np.ravel(values[index])[0])
-
-
-def _joint_names(model: Any) -> dict[int, str]:
-    """Names of joints; those that have none are called after their body."""
-    names: dict[int, str] = {}
-    for index in range(model.njnt):
-        body = int(model.jnt_bodyid[index])
-        given_name = model.joint(index).name
-        place = index - int(model.body_jntadr[body]) + 1
-        names[index] = given_name or f"{model.body(body).name or f'body_{body}'}_joint_{place}"
-    return names
 
 
 def joint_motion(urdf_type: str, axis: FloatArray, position: float) -> pin.SE3:

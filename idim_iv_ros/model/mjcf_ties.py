@@ -1,6 +1,6 @@
 """What an MJCF holds beyond a tree of hinges and slides: joints that are tied, other forces."""
 
-from collections.abc import Iterable
+from collections import defaultdict
 from typing import Any
 
 import numpy as np
@@ -31,29 +31,22 @@ def native_elements(mujoco: Any, model: Any) -> dict[str, list[int]]:
 
 def tied_joints(mujoco: Any, model: Any) -> dict[int, str]:
     """Free and ball joints, and joints that something ties, by number: what it is, in words."""
-    reasons: dict[int, list[str]] = {}
-
-    def tie(joints: Iterable[int], words: str) -> None:
-        for joint in joints:
-            reasons.setdefault(joint, []).append(words)
-
+    reasons: dict[int, list[str]] = defaultdict(list)
     types = mujoco.mjtJoint
+    kinds = {types.mjJNT_FREE: "a free joint", types.mjJNT_BALL: "a ball joint"}
     for joint in range(model.njnt):
-        if model.jnt_type[joint] == types.mjJNT_FREE:
-            tie([joint], "a free joint")
-        elif model.jnt_type[joint] == types.mjJNT_BALL:
-            tie([joint], "a ball joint")
-    for equality in range(model.neq):
-        if model.eq_active0[equality]:
-            name = model.equality(equality).name
-            words = f"tied by the equality{f' {name}' if name else ''}"
-            tie(_of_equality(mujoco, model, equality), words)
+        if (words := kinds.get(types(model.jnt_type[joint]))) is not None:
+            reasons[joint].append(words)
+    for equality in np.flatnonzero(model.eq_active0).tolist():
+        words = f"tied by the equality {model.equality(equality).name}".strip()
+        for joint in _of_equality(mujoco, model, equality):
+            reasons[joint].append(words)
     effects = native_elements(mujoco, model).get(COUPLING, [])
     for tendon in range(model.ntendon):
         if tendon not in effects and _acts(mujoco, model, tendon):
-            name = model.tendon(tendon).name
-            words = f"driven by the tendon{f' {name}' if name else ''}"
-            tie(_of_tendon(mujoco, model, tendon), words)
+            words = f"driven by the tendon {model.tendon(tendon).name}".strip()
+            for joint in _of_tendon(mujoco, model, tendon):
+                reasons[joint].append(words)
     return {joint: " and ".join(dict.fromkeys(words)) for joint, words in reasons.items()}
 
 
@@ -103,20 +96,15 @@ def _of_tendon(mujoco: Any, model: Any, tendon: int) -> set[int]:
 
 def _between(model: Any, bodies: list[int]) -> set[int]:
     """Joints on the paths between bodies: those that do not carry all of them."""
-    if not bodies:
-        return set()
-    carriers: list[set[int]] = [_carriers(model, body) for body in bodies]
+    carriers: list[set[int]] = []
+    for body in bodies:
+        carriers.append(set())
+        while body > 0:
+            first = int(model.body_jntadr[body])
+            carriers[-1].update(range(first, first + int(model.body_jntnum[body])))
+            body = int(model.body_parentid[body])
     joints: set[int] = set()
-    return joints.union(*carriers) - carriers[0].intersection(*carriers)
-
-
-def _carriers(model: Any, body: int) -> set[int]:
-    joints: set[int] = set()
-    while body > 0:
-        first = int(model.body_jntadr[body])
-        joints.update(range(first, first + int(model.body_jntnum[body])))
-        body = int(model.body_parentid[body])
-    return joints
+    return joints.union(*carriers) - carriers[0].intersection(*carriers) if carriers else joints
 
 
 def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
@@ -133,13 +121,10 @@ def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
             words.append("nonlinear damping")
         if words:
             forces[joint] = words
-    special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", None)
-    for actuator in range(model.nu):
-        if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        joint = int(model.actuator_trnid[actuator, 0])
-        if special is not None and model.actuator_gaintype[actuator] == special:
-            forces.setdefault(joint, []).append("a dcmotor")
+    special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", -1)
+    at_joints = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    for actuator in np.flatnonzero(at_joints & (model.actuator_gaintype == special)):
+        forces.setdefault(int(model.actuator_trnid[actuator, 0]), []).append("a dcmotor")
     return {joint: " and ".join(words) for joint, words in forces.items()}
 
 

@@ -38,44 +38,30 @@ class Skeleton:
 
 def skeleton(robot: RobotModel) -> Skeleton:
     """Return the joints in the middle of their ranges, revolute ones a little bent."""
-    model = robot.pinocchio
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, _posture(robot))
-    # Joints of the tree are numbered from 1, in another order than those of the configuration.
-    tree = np.argsort(robot.order) + 1
-    place = {int(joint): k for k, joint in enumerate(tree)}
-    turned = link_frames(robot).turned
-    origins = np.array([data.oMi[int(joint)].translation for joint in tree])
-    axes = np.array([data.oMi[int(joint)].rotation @ turned[joint][:, 2] for joint in tree])
-    parents = np.array([place.get(int(model.parents[int(joint)]), -1) for joint in tree])
-    ends = []
-    for joint in sorted(set(range(len(tree))) - set(parents.tolist())):
-        frames = [
-            data.oMf[k].translation
-            for k, frame in enumerate(model.frames)
-            if frame.parentJoint == int(tree[joint])
-        ]
-        far = max(frames, key=lambda point: float(np.linalg.norm(point - origins[joint])))
-        ends.append((joint, np.array(far)))
-    links = tuple(_link(model, int(joint)) for joint in tree)
-    return Skeleton(origins, axes, parents, links, tuple(ends))
-
-
-def _posture(robot: RobotModel) -> FloatArray:
-    """Positions (n_joints,) in the order of the tree."""
     lower, upper = robot.limits.lower, robot.limits.upper
     limited = np.isfinite(lower) & np.isfinite(upper)
     lower, upper = np.where(limited, lower, -np.pi), np.where(limited, upper, np.pi)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    revolute = np.array([joint_kind == "revolute" for joint_kind in robot.joint_types])
+    revolute = np.equal(robot.joint_types, "revolute")
     sign = np.where(np.arange(len(middle)) % 2 == 0, 1.0, -1.0)
-    position = middle + sign * np.where(revolute, np.minimum(_BEND * half, _MOST_BEND), 0.0)
-    return np.asarray(position[robot.order])
-
-
-def _link(model: pin.Model, joint: int) -> str:
-    """Name of the link whose frame is that of a joint of the tree."""
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY and frame.parentJoint == joint:
-            return str(frame.name)
-    return ""
+    posture = middle + sign * np.where(revolute, np.minimum(_BEND * half, _MOST_BEND), 0.0)
+    model = robot.pinocchio
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, posture[robot.order])
+    # Joints of the tree are numbered from 1, in another order than those of the configuration.
+    tree = (np.argsort(robot.order) + 1).tolist()
+    turned = link_frames(robot).turned
+    origins = np.array([data.oMi[joint].translation for joint in tree])
+    axes = np.array([data.oMi[joint].rotation @ turned[joint][:, 2] for joint in tree])
+    carriers = [int(model.parents[joint]) for joint in tree]
+    parents = np.array([tree.index(carrier) if carrier else -1 for carrier in carriers])
+    links, ends = [], []
+    for place, joint in enumerate(tree):
+        frames = [(k, frame) for k, frame in enumerate(model.frames) if frame.parentJoint == joint]
+        bodies = (str(frame.name) for _, frame in frames if frame.type == pin.FrameType.BODY)
+        links.append(next(bodies, ""))
+        if place not in parents:
+            points = np.array([data.oMf[k].translation for k, _ in frames])
+            far = int(np.argmax(np.linalg.norm(points - origins[place], axis=1)))
+            ends.append((place, points[far]))
+    return Skeleton(origins, axes, parents, tuple(links), tuple(ends))

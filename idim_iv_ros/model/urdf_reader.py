@@ -7,11 +7,13 @@ share theirs.
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -29,6 +31,7 @@ _EXACT_ANGLE = 20
 # No length, mass or moment of a robot is larger in SI units; products of larger ones overflow.
 LARGEST = 1e9
 _LARGEST_FILE = 50.0  # MB
+_T = TypeVar("_T")
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -61,24 +64,9 @@ def decoded_urdf(content: bytes) -> str:
 def read_urdf_text(urdf: str, source: str) -> Urdf:
     """Read a URDF; geometry, meshes, transmissions and extensions are passed over.
 
-
     Raises UsageError: not XML, not a URDF, numbers that are none, or links and joints that form no
     tree. All problems are listed in one line.
     """
-    root = _element_tree(urdf, source)
-    reader = _Reader()
-    links = reader.links(root)
-    joints = reader.joints(root)
-    refuse(source, reader.problems)
-    base, problems = base_link(links, joints)
-    refuse(source, problems)
-    extension = root.find(EXTENSION)
-    notes = [] if extension is None else extension.findall("note")
-    sentences = tuple(note.text or "" for note in notes)
-    return Urdf(root.get("name", ""), base, links, joints, extension is not None, sentences)
-
-
-def _element_tree(urdf: str, source: str) -> ElementTree.Element:
     # Entities can make a short text fill the memory, and no URDF needs them.
     if "<!ENTITY" in urdf:
         raise UsageError(f"{source}: declares XML entities, which a URDF does not have")
@@ -92,51 +80,52 @@ def _element_tree(urdf: str, source: str) -> ElementTree.Element:
         raise UsageError(
             f"{source}: not a URDF: the root element is <{quoted(root.tag)}>, not <robot>"
         )
-    return root
+    reader = _Reader([])
+    links = reader.named(root, "link", reader.link)
+    joints = reader.named(root, "joint", reader.joint)
+    refuse(source, reader.problems)
+    base, problems = base_link(links, joints)
+    refuse(source, problems)
+    extension = root.find(EXTENSION)
+    notes = [] if extension is None else extension.findall("note")
+    sentences = tuple(note.text or "" for note in notes)
+    return Urdf(root.get("name", ""), base, links, joints, extension is not None, sentences)
 
 
+@dataclass(frozen=True)
 class _Reader:
     """Values of elements; what is wrong with them is gathered in `problems`."""
 
-    def __init__(self) -> None:
-        self.problems: list[str] = []
+    problems: list[str]
 
-    def links(self, root: ElementTree.Element) -> dict[str, Inertial | None]:
-        links: dict[str, Inertial | None] = {}
-        for element in root.findall("link"):
-            name = self._name(element, links)
-            inertial = self._only(element, "inertial", f"link {name}")
-            links[name] = None if inertial is None else self._inertial(inertial, f"link {name}")
-        return links
+    def named(self, root: Element, tag: str, read: Callable[[Element, str], _T]) -> dict[str, _T]:
+        values: dict[str, _T] = {}
+        for element in root.findall(tag):
+            name = element.get("name", "")
+            if not name:
+                self.problems.append(f"a <{tag}> has no name")
+            elif name in values:
+                self.problems.append(f"two {tag}s are named {quoted(name)}")
+            values[name] = read(element, name)
+        return values
 
-    def joints(self, root: ElementTree.Element) -> dict[str, UrdfJoint]:
-        joints: dict[str, UrdfJoint] = {}
-        for element in root.findall("joint"):
-            name = self._name(element, joints)
-            joints[name] = self._joint(element, name)
-        return joints
-
-    def _name(self, element: ElementTree.Element, taken: Mapping[str, object]) -> str:
-        name = element.get("name", "")
-        if not name:
-            self.problems.append(f"a <{element.tag}> has no name")
-        elif name in taken:
-            self.problems.append(f"two {element.tag}s are named {quoted(name)}")
-        return name
-
-    def _inertial(self, element: ElementTree.Element, where: str) -> Inertial | None:
-        mass, inertia = (self._only(element, tag, where) for tag in ("mass", "inertia"))
+    def link(self, element: Element, name: str) -> Inertial | None:
+        where = f"link {name}"
+        inertial = self._only(element, "inertial", where)
+        if inertial is None:
+            return None
+        mass, inertia = (self._only(inertial, tag, where) for tag in ("mass", "inertia"))
         for tag, child in (("mass", mass), ("inertia", inertia)):
             if child is None:
                 self.problems.append(f"{where}: <inertial> has no <{tag}>")
         if mass is None or inertia is None:
             return None
-        placement = self._origin(element, f"{where}: <inertial>")
-        xx, yy, zz, xy, xz, yz = (
-            self._number(inertia, key, f"{where}: <inertia>") for key in _MOMENTS
-        )
-        moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        rotation = placement.rotation
+        placement = self._origin(inertial, f"{where}: <inertial>")
+        moments, rotation = np.zeros((3, 3)), placement.rotation
+        for key in _MOMENTS:
+            row, column = ("xyz".index(axis) for axis in key[1:])
+            moments[row, column] = self._number(inertia, key, f"{where}: <inertia>")
+            moments[column, row] = moments[row, column]
         return Inertial(
             mass=self._number(mass, "value", f"{where}: <mass>"),
             centre=placement.translation,
@@ -144,7 +133,7 @@ class _Reader:
             last_digit=_last_digit([inertia.get(key, "") for key in _MOMENTS]),
         )
 
-    def _joint(self, element: ElementTree.Element, name: str) -> UrdfJoint:
+    def joint(self, element: Element, name: str) -> UrdfJoint:
         where = f"joint {quoted(name)}"
         joint_type = element.get("type", "")
         if joint_type not in TYPES:
@@ -157,68 +146,60 @@ class _Reader:
             if not ends[tag]:
                 self.problems.append(f"{where}: names no {tag} link")
         axis, dynamics = (self._only(element, tag, where) for tag in ("axis", "dynamics"))
+        limit, place = self._only(element, "limit", where), self._origin(element, where)
+        limits: dict[str, float] = {}
+        for key in ("lower", "upper", "velocity", "effort"):
+            if limit is not None and key in limit.attrib:
+                limits[key] = self._number(limit, key, f"{where}: <limit>", largest=math.inf)
+        damping = friction = 0.0
+        if dynamics is not None:
+            damping = self._number(dynamics, "damping", f"{where}: <dynamics>", "0")
+            friction = self._number(dynamics, "friction", f"{where}: <dynamics>", "0")
+        # What an MJCF says of a joint and a URDF does not.
+        beyond: dict[str, Any] = {}
+        extension, mimic = element.find(EXTENSION), element.find("mimic")
+        if extension is not None:
+            numbers = ("armature", "rest")
+            beyond = {key: self._number(extension, key, where, "0") for key in numbers}
+            beyond |= {key: extension.get(key, "") for key in ("tied", "beyond")}
+        elif mimic is not None:
+            followed = quoted(mimic.get("joint", "another"))
+            beyond["tied"] = f"made to follow {followed} by <mimic>"
         return UrdfJoint(
             name=name,
             type=joint_type,
             parent=ends["parent"],
             child=ends["child"],
-            placement=self._origin(element, where),
+            placement=place,
             axis=np.array([1.0, 0.0, 0.0])
             if axis is None
             else self._vector(axis, "xyz", f"{where}: <axis>", "1 0 0"),
-            limits=self._limits(element, where),
-            damping=self._dynamics(dynamics, "damping", where),
-            friction=self._dynamics(dynamics, "friction", where),
-            **self._beyond(element, where),
+            limits=limits,
+            damping=damping,
+            friction=friction,
+            **beyond,
         )
 
-    def _only(
-        self, element: ElementTree.Element, tag: str, where: str
-    ) -> ElementTree.Element | None:
+    def _only(self, element: Element, tag: str, where: str) -> Element | None:
         """The one child of a tag; others would be passed over, and nobody knows which is meant."""
         children = element.findall(tag)
         if len(children) > 1:
             self.problems.append(f"{where} has {len(children)} <{tag}>: leave one")
         return children[0] if children else None
 
-    def _beyond(self, element: ElementTree.Element, where: str) -> dict[str, Any]:
-        """What ties a joint, and what an MJCF says of it and a URDF does not."""
-        extension, mimic = element.find(EXTENSION), element.find("mimic")
-        if extension is None:
-            if mimic is None:
-                return {}
-            return {"tied": f"made to follow {quoted(mimic.get('joint', 'another'))} by <mimic>"}
-        numbers = {key: self._number(extension, key, where, "0") for key in ("armature", "rest")}
-        words = {key: extension.get(key, "") for key in ("tied", "beyond")}
-        return {**numbers, **words}
-
-    def _limits(self, element: ElementTree.Element, where: str) -> dict[str, float]:
-        limit = self._only(element, "limit", where)
-        if limit is None:
-            return {}
-        keys = [key for key in ("lower", "upper", "velocity", "effort") if key in limit.attrib]
-        return {
-            key: self._number(limit, key, f"{where}: <limit>", largest=math.inf) for key in keys
-        }
-
-    def _dynamics(self, element: ElementTree.Element | None, key: str, where: str) -> float:
-        return 0.0 if element is None else self._number(element, key, f"{where}: <dynamics>", "0")
-
-    def _origin(self, element: ElementTree.Element, where: str) -> pin.SE3:
+    def _origin(self, element: Element, where: str) -> pin.SE3:
         origin = self._only(element, "origin", where)
         if origin is None:
             return pin.SE3.Identity()
-        place = f"{where} <origin>"
-        translation = self._vector(origin, "xyz", place, "0 0 0")
-        angles = self._vector(origin, "rpy", place, "0 0 0")
+        translation = self._vector(origin, "xyz", f"{where} <origin>", "0 0 0")
+        angles = self._vector(origin, "rpy", f"{where} <origin>", "0 0 0")
         for k, word in enumerate(origin.get("rpy", "0 0 0").split()[:3]):
-            if len(word) <= _EXACT_ANGLE:
-                angles[k] = _right_angle(angles[k])
+            right = round(angles[k] / (math.pi / 2)) * (math.pi / 2)
+            if len(word) <= _EXACT_ANGLE and abs(angles[k] - right) < RIGHT_ANGLE_TOLERANCE:
+                angles[k] = right
         return pin.SE3(pin.rpy.rpyToMatrix(*angles), translation)
 
-    def _vector(
-        self, element: ElementTree.Element, key: str, where: str, default: str
-    ) -> FloatArray:
+    def _vector(self, element: Element, key: str, where: str, default: str) -> FloatArray:
         words = element.get(key, default).split()
         if len(words) != 3:
             self.problems.append(f"{where}: {key} has {len(words)} numbers, not 3")
@@ -227,7 +208,7 @@ class _Reader:
 
     def _number(
         self,
-        element: ElementTree.Element,
+        element: Element,
         key: str,
         where: str,
         default: str | None = None,
@@ -250,11 +231,6 @@ class _Reader:
             self.problems.append(f"{where} is {quoted(text)}, which no robot has")
             return 0.0
         return value
-
-
-def _right_angle(angle: float) -> float:
-    nearest = round(angle / (math.pi / 2)) * (math.pi / 2)
-    return nearest if abs(angle - nearest) < RIGHT_ANGLE_TOLERANCE else angle
 
 
 def _last_digit(texts: list[str]) -> float:
