@@ -28,13 +28,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import entry, source_digest
 from idim_iv_ros.effects import registry
-from idim_iv_ros.effects.contribution import (
-    LEAST_SPEED,
-    CommandDelay,
-    DriveCurve,
-    EncoderError,
-    LawChange,
-)
+from idim_iv_ros.effects.contribution import LEAST_SPEED, CommandDelay, EncoderError, LawChange
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
@@ -100,9 +94,8 @@ class Effects:
         self._added = added
         self._offset = np.zeros(len(joints))
         for effect in constant:
-            if effect.joint in self.joints:
-                place = self.joints.index(effect.joint)
-                self._offset[place] += effect.parameters.get("offset", 0.0)
+            at = [name == effect.joint for name in self.joints]
+            self._offset[at] += effect.parameters.get("offset", 0.0)
         self.notes = tuple(
             f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
             "there"
@@ -128,7 +121,7 @@ class Effects:
             lag[joint] += delay.seconds
         self._wrong = any(added.of(EncoderError))
         self._drive = None
-        if self._wrong or np.any(lag > 0.0) or any(added.of(DriveCurve)):
+        if self._wrong or np.any(lag > 0.0) or added.curves:
             self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
 
@@ -138,16 +131,9 @@ class Effects:
         """Return joint friction and effects for the kernels; MuJoCo has the rigid bodies."""
         n = len(self.joints)
         friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
-        joints, bodies = np.arange(n), np.zeros(0, dtype=np.int64)
+        joints, none, turns = np.arange(n), np.zeros(0, dtype=np.int64), np.zeros((0, 3, 3))
         base = Plant(
-            frames=LinkFrames(
-                parent=bodies,
-                revolute=bodies > 0,
-                rotation=np.zeros((0, 3, 3)),
-                translation=np.zeros((0, 3)),
-                turned=np.zeros((0, 3, 3)),
-                gravity=np.zeros(3),
-            ),
+            frames=LinkFrames(none, none > 0, turns, np.zeros((0, 3)), turns, np.zeros(3)),
             inertial=np.zeros((0, 10)),
             drive_inertia=np.diag(model.dof_armature[self._dof]),
             damping=np.diag(friction[1]),
@@ -345,7 +331,6 @@ def _tendon(model: Any, first: str, second: str) -> int:
 
 def _joint_names(mujoco: Any, model: Any) -> list[str]:
     """Return names of hinges and slides, without the shafts that `model_with_effects` adds."""
-    kinds = [int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)]
-    joints = [joint for joint in range(model.njnt) if model.jnt_type[joint] in kinds]
-    names = [model.joint(joint).name for joint in joints]
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    names = [model.joint(k).name for k in range(model.njnt) if model.jnt_type[k] in kinds]
     return [name for name in names if name and not name.endswith(SHAFT)]

@@ -41,13 +41,9 @@ def nearest_parameters(model: InverseModel, values: FloatArray) -> DynamicParame
     layout = model.regressor.layout
     nominal = layout.vector(model.robot.given)
     grouping = model.base.grouping
-    kinds = [parameter.kind for parameter in layout.parameters]
-    largest = dict.fromkeys(kinds, 0.0)
-    for kind, value in zip(kinds, nominal, strict=True):
-        largest[kind] = max(largest[kind], abs(value))
-    overall = max(largest.values())
-    least = np.array([largest[kind] or overall for kind in kinds])
-    weight = (np.abs(nominal) + _LEAST_SHARE * least) ** 2
+    kinds, sizes = np.array([parameter.kind for parameter in layout.parameters]), np.abs(nominal)
+    largest = np.array([sizes[kinds == kind].max() for kind in kinds])
+    weight = (sizes + _LEAST_SHARE * np.where(largest > 0.0, largest, sizes.max())) ** 2
     change = values - grouping @ nominal
     weighted = grouping * weight
     step = weighted.T @ np.linalg.lstsq(weighted @ grouping.T, change, rcond=1e-13)[0]
@@ -179,8 +175,9 @@ def _add_shaft(spec: Any, name: str) -> None:
         )
     if len(joint.parent.joints) > 1:
         raise UsageError(f"elasticity or backlash at {name}: its body has several joints")
-    same = {"type": joint.type, "pos": joint.pos, "axis": joint.axis}
-    shaft = joint.parent.add_joint(name=name + SHAFT, **same)
+    shaft = joint.parent.add_joint(
+        name=name + SHAFT, type=joint.type, pos=joint.pos, axis=joint.axis
+    )
     for key in ("armature", "frictionloss", "damping", "stiffness"):  # not those of a default
         setattr(shaft, key, 0.0 * getattr(joint, key))
 
@@ -214,25 +211,20 @@ class MujocoShafts:
                 )
             joint = model.joint(name + SHAFT)
             dof = int(joint.dofadr[0])
-            shaft = self._complete(model, shaft, dof, name)
-            self._shafts.append((shaft, int(joint.id), int(joint.qposadr[0]), dof))
-
-    def _complete(self, model: Any, shaft: ShaftPart, dof: int, name: str) -> ShaftPart:
-        """Set missing stiffness and damping of shafts, from the inertias of motor and link."""
-        data = self._mujoco.MjData(model)
-        self._mujoco.mj_forward(model, data)
-        unit, response = np.zeros((2, 1, model.nv))
-        unit[0, dof] = 1.0
-        self._mujoco.mj_solveM(model, data, response, unit)
-        # The motor is not held: its own inertia is part of the mobility of the twist.
-        shaft, pulsation = completed_shaft(shaft, 1.0 / float(response[0, dof]))
-        longest = LARGEST_ANGLE / pulsation
-        if model.opt.timestep > longest:
-            raise StepTooLongError(
-                f"elasticity or backlash at {name} swings fast: the model's timestep is "
-                f"{model.opt.timestep:g} s and {longest:.2g} s or less is needed"
-            )
-        return shaft
+            data = mujoco.MjData(model)
+            mujoco.mj_forward(model, data)
+            unit, response = np.zeros((2, 1, model.nv))
+            unit[0, dof] = 1.0
+            mujoco.mj_solveM(model, data, response, unit)
+            # The motor is not held: its own inertia is part of the mobility of the twist.
+            complete, pulsation = completed_shaft(shaft, 1.0 / float(response[0, dof]))
+            longest = LARGEST_ANGLE / pulsation
+            if model.opt.timestep > longest:
+                raise StepTooLongError(
+                    f"elasticity or backlash at {name} swings fast: the model's timestep is "
+                    f"{model.opt.timestep:g} s and {longest:.2g} s or less is needed"
+                )
+            self._shafts.append((complete, int(joint.id), int(joint.qposadr[0]), dof))
 
     def apply(self, model: Any, data: Any) -> None:
         """Set stiffness and damping of the shafts for this step."""

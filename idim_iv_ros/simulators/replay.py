@@ -62,8 +62,8 @@ class _Run:
 
 
 @dataclass(frozen=True)
-class _Simulated:
-    """One stage on all recordings: filtered positions and torques, or why it failed."""
+class _Motions:
+    """Filtered positions and torques of all recordings; of a simulation that failed, why."""
 
     positions: Sequence[FloatArray] = ()
     torques: Sequence[FloatArray] = ()
@@ -111,10 +111,9 @@ def replay_bags(
         prepared = prepare(read_configured(bags, configuration), configuration)
         possible = _stages(mujoco, prepared, model, extended, effects)
         models = [stage for stage in possible if stage.name in stages]
-        fitted = extended.recordings
+        fitted, robot = extended.recordings, prepared.model.robot
         planted = [effect for stage in possible for effect in stage.effects]
         runs, notes = _runs(prepared, fitted, planted)
-        robot = prepared.model.robot
         simulated = []
         for number, stage in enumerate(models):
             watch.stage(f"simulating: {stage.name}", 0.1 + 0.9 * number / len(models))
@@ -122,7 +121,6 @@ def replay_bags(
     motions = [run.motion for run in runs]
     comparison = _Comparison(robot, motions)
     tracking_noise, torque_noise = comparison.noise
-    done = {stage.name: ran for stage, ran in simulated if not ran.note}
     bags = tuple(motion.signals.name for motion in motions)
     return ReplayResult(
         robot=robot.name,
@@ -138,7 +136,7 @@ def replay_bags(
         stages=tuple(comparison.stage(stage, ran) for stage, ran in simulated),
         held_out=None if not fitted else not any(bag in fitted for bag in bags),
         notes=(*prepared.doubts, *(note for stage in models for note in stage.notes), *notes),
-        series=comparison.series(done),
+        series=comparison.series({stage.name: ran for stage, ran in simulated if not ran.note}),
     )
 
 
@@ -146,19 +144,39 @@ def _runs(
     prepared: PreparedRegression, fitted: Collection[str], effects: Sequence[SimulatedEffect]
 ) -> tuple[list[_Run], tuple[str, ...]]:
     """Return the recordings to replay (not those of the fit, if there are others), and notes."""
-    parts = prepared.session.parts
+    parts, motions = prepared.session.parts, prepared.motions
+    signals = [motion.signals for motion in motions]
+    missing = [recording.name for recording in signals if recording.position_reference is None]
+    if missing:
+        raise DataError(
+            f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
+        )
+    sources, _ = with_law_speed(
+        instrument_sources(prepared.configuration, prepared.model, motions, prepared.cutoffs)
+    )
+    source = sources.sources[0]
+    if not isinstance(source, SimulatedLoop):
+        raise DataError(" ".join(sources.controller) or "the control law is not known")
     runs = [
         _Run(motion, law, part.start)
-        for motion, law, part in zip(prepared.motions, _laws(prepared), parts, strict=True)
+        for motion, law, part in zip(motions, source.laws, parts, strict=True)
     ]
     held_out = [run for run, part in zip(runs, parts, strict=True) if part.bag not in fitted]
     runs = held_out or runs
     if any(BY_NAME[effect.effect].part == "gains" for effect in effects):
         return runs, ()
-    beyond = [_feedforward(run) for run in runs]
-    torques = [run.motion.filtered(run.motion.signals.torque) for run in runs]
-    pairs = zip(beyond, torques, strict=True)
-    shares = np.max([_rms(part) / np.maximum(_rms(whole), 1e-300) for part, whole in pairs], axis=0)
+    beyond, shares = [], np.zeros(len(prepared.model.robot.joints))
+    for run in runs:
+        # The recorded command less its law.
+        logged, law = run.motion.signals, run.law
+        speed = np.gradient(logged.position, 1.0 / logged.rate, axis=0)
+        gains = [CONTROL_LAW.parts(logged, law, j, v).command for j, v in enumerate(speed.T)]
+        beyond.append(run.motion.filtered(logged.torque - np.column_stack(gains)))
+        part, whole = (
+            np.sqrt(np.nanmean(torque**2, axis=0))
+            for torque in (beyond[-1], run.motion.filtered(logged.torque))
+        )
+        shares = np.maximum(shares, part / np.maximum(whole, 1e-300))
     worst = int(np.argmax(shares))
     if shares[worst] < _BEYOND_GAINS:
         return runs, ()
@@ -171,34 +189,6 @@ def _runs(
         replace(run, law=replace(run.law, feedforward=np.nan_to_num(torque)))
         for run, torque in zip(runs, beyond, strict=True)
     ], (note,)
-
-
-def _feedforward(run: _Run) -> FloatArray:
-    """Return the recorded command less its law, (n_samples, n_joints) N m (N), smoothed."""
-    signals = run.motion.signals
-    speed = np.gradient(signals.position, 1.0 / signals.rate, axis=0)
-    law = [
-        CONTROL_LAW.parts(signals, run.law, joint, speed[:, joint]).command
-        for joint in range(signals.position.shape[1])
-    ]
-    return run.motion.filtered(signals.torque - np.column_stack(law))
-
-
-def _laws(prepared: PreparedRegression) -> tuple[ControlLaw, ...]:
-    """Return the control law of each recording."""
-    signals = [motion.signals for motion in prepared.motions]
-    missing = [recording.name for recording in signals if recording.position_reference is None]
-    if missing:
-        raise DataError(
-            f"{', '.join(missing)}: no reference to replay; name its topic as signals.reference"
-        )
-    motions, cutoffs = prepared.motions, prepared.cutoffs
-    possible = instrument_sources(prepared.configuration, prepared.model, motions, cutoffs)
-    sources, _ = with_law_speed(possible)
-    source = sources.sources[0]
-    if not isinstance(source, SimulatedLoop):
-        raise DataError(" ".join(sources.controller) or "the control law is not known")
-    return tuple(source.laws)
 
 
 def _stages(
@@ -240,9 +230,7 @@ def _stages(
     return stages
 
 
-def _simulate(
-    mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel
-) -> _Simulated:
+def _simulate(mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: StageModel) -> _Motions:
     """Simulate all recordings, each from its first sample with a filtered velocity."""
     positions: list[FloatArray] = []
     torques: list[FloatArray] = []
@@ -262,10 +250,10 @@ def _simulate(
         with mujoco_warnings():
             ran = run_in_mujoco(mujoco, model, robot, law, references, robot.given, stage.effects)
         if ran.diverged:
-            return _Simulated(note=f"{signals.name}: {ran.diverged}")
+            return _Motions(note=f"{signals.name}: {ran.diverged}")
         positions.append(motion.filtered(np.vstack([motion.position[:first], ran.position])))
         torques.append(motion.filtered(np.vstack([signals.torque[:first], ran.torque])))
-    return _Simulated(positions, torques)
+    return _Motions(positions, torques)
 
 
 @dataclass(frozen=True)
@@ -276,71 +264,58 @@ class _Comparison:
     motions: Sequence[Motion]
 
     @cached_property
-    def recorded(self) -> _Simulated:
-        """Return the filtered recordings."""
+    def recorded(self) -> _Motions:
         torques = [motion.filtered(motion.signals.torque) for motion in self.motions]
-        return _Simulated([motion.position for motion in self.motions], torques)
+        return _Motions([motion.position for motion in self.motions], torques)
 
     @cached_property
     def noise(self) -> list[FloatArray]:
-        """Return RMS (n_joints,) of the noise that the filter removes: rad (m), and N m (N)."""
-        signals = [motion.signals for motion in self.motions]
-        deviations = []
-        for raw, smooth in (
-            ([recording.position for recording in signals], self.recorded.positions),
-            ([recording.torque for recording in signals], self.recorded.torques),
-        ):
-            triples = zip(self.motions, raw, smooth, strict=True)
-            taken = [(one - other)[motion.span] for motion, one, other in triples]
-            deviations.append(np.asarray(np.nanstd(np.concatenate(taken), axis=0)))
-        return deviations
+        """RMS (n_joints,) of the noise that the filter removes: rad (m), and N m (N)."""
+        positions, torques = [], []
+        for motion, torque in zip(self.motions, self.recorded.torques, strict=True):
+            positions.append((motion.signals.position - motion.position)[motion.span])
+            torques.append((motion.signals.torque - torque)[motion.span])
+        kinds = (positions, torques)
+        return [np.asarray(np.nanstd(np.concatenate(parts), axis=0)) for parts in kinds]
 
-    def stage(self, model: StageModel, ran: _Simulated) -> ReplayStage:
-        """Return the errors of one stage; without numbers if its simulation failed."""
+    def stage(self, model: StageModel, ran: _Motions) -> ReplayStage:
+        """Errors of one stage; without numbers if its simulation failed."""
         if ran.note:
             return ReplayStage(model.name, model.words, None, None, None, ran.note)
-        joints, recorded = self.robot.joints, self.recorded
-        tracking = self._errors(joints, ran.positions, recorded.positions, self.noise[0])
-        torque = self._errors(joints, ran.torques, recorded.torques, self.noise[1])
-        tool = self._tool_error(ran.positions)
-        return ReplayStage(model.name, model.words, tracking, torque, tool)
-
-    def _tool_error(self, positions: Sequence[FloatArray]) -> ReplayError:
-        """Return the error of the centre of the last link, m, for positions by recording."""
-        tree = self.robot.pinocchio
+        joints, recorded, tree = self.robot.joints, self.recorded, self.robot.pinocchio
         data, last = tree.createData(), tree.njoints - 1
         centre = np.array(tree.inertias[last].lever)
 
         def places(positions: FloatArray) -> FloatArray:
+            """Places (n_samples, 3) of the centre of the last link, m."""
             where = np.empty((len(positions), 3))
             for row, position in enumerate(positions):
                 pin.forwardKinematics(tree, data, position)
                 where[row] = data.oMi[last].act(centre)
             return where
 
-        apart = [
-            np.linalg.norm(places(one) - places(other), axis=1, keepdims=True)
-            for one, other in zip(positions, self.recorded.positions, strict=True)
-        ]
-        none = [np.zeros_like(rows) for rows in apart]
-        return self._errors(("tool",), apart, none, np.zeros(1))["tool"]
+        positions = list(zip(ran.positions, recorded.positions, strict=True))
+        tracking = [one - other for one, other in positions]
+        torque = [one - other for one, other in zip(ran.torques, recorded.torques, strict=True)]
+        apart = [places(one) - places(other) for one, other in positions]
+        tool = [np.linalg.norm(rows, axis=1, keepdims=True) for rows in apart]
+        return ReplayStage(
+            model.name,
+            model.words,
+            self._errors(joints, tracking, self.noise[0]),
+            self._errors(joints, torque, self.noise[1]),
+            self._errors(("tool",), tool, np.zeros(1))["tool"],
+        )
 
     def _errors(
-        self,
-        names: Sequence[str],
-        simulated: Sequence[FloatArray],
-        recorded: Sequence[FloatArray],
-        noise: FloatArray,
+        self, names: Sequence[str], errors: Sequence[FloatArray], noise: FloatArray
     ) -> dict[str, ReplayError]:
-        """Return RMS errors over all recordings by name, with intervals and ratio to the noise.
-
-        `simulated`, `recorded`: (n_samples, n_names) of each recording; `noise`: RMS (n_names,).
-        """
+        """RMS of errors (n_samples, n_names) by recording, with interval and ratio to the noise."""
         sums = []
-        for motion, simulation, recording in zip(self.motions, simulated, recorded, strict=True):
-            errors = np.nan_to_num((simulation - recording)[motion.span])
-            (blocks,) = time_blocks([len(errors)], motion.signals.rate)
-            sums.append(energies(errors, blocks))
+        for motion, error in zip(self.motions, errors, strict=True):
+            compared = np.nan_to_num(error[motion.span])
+            (blocks,) = time_blocks([len(compared)], motion.signals.rate)
+            sums.append(energies(compared, blocks))
         table = np.concatenate(sums)
         rms, drawn = roots(table.sum(axis=0)), roots(resampled(table))
         shares = np.divide(rms, noise, out=np.full_like(rms, np.nan), where=noise > 0.0)
@@ -349,8 +324,8 @@ class _Comparison:
             for name, error, column, share in zip(names, rms, drawn.T, shares, strict=True)
         }
 
-    def series(self, stages: Mapping[str, _Simulated]) -> tuple[ReplaySeries, ...]:
-        """Return thinned curves of the first recording with these stages."""
+    def series(self, stages: Mapping[str, _Motions]) -> tuple[ReplaySeries, ...]:
+        """Thinned curves of the first recording with these stages."""
         motion = self.motions[0]
         reference, span = motion.signals.position_reference, motion.span
         assert reference is not None
@@ -369,8 +344,3 @@ class _Comparison:
             )
             for j, joint in enumerate(self.robot.joints)
         )
-
-
-def _rms(values: FloatArray) -> FloatArray:
-    """Return the RMS (n,) of columns over their finite values."""
-    return np.asarray(np.sqrt(np.nanmean(values**2, axis=0)))

@@ -32,9 +32,8 @@ from idim_iv_ros.types import FloatArray
 class StageModel:
     """Robot model of one stage of a replay."""
 
-    # name, words: Of the stage; what the model is made of
-    name: str
-    words: str
+    name: str  # Of the stage
+    words: str  # What the model is made of
     robot: RobotModel
     parameters: DynamicParameters | None  # None for a model that is read from `xml`
     xml: Path | None
@@ -46,11 +45,8 @@ class StageModel:
         """Return the model with effects, without those that elements of its file have already."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
-        file = self.xml is not None
-        ours = [
-            replace(e, native=bool(file and e.native and BY_NAME[e.effect].element_of))
-            for e in effects
-        ]
+        held = [bool(self.xml and e.native and BY_NAME[e.effect].element_of) for e in effects]
+        ours = [replace(e, native=native) for e, native in zip(effects, held, strict=True)]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
         return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 
@@ -58,8 +54,7 @@ class StageModel:
         """Return the MuJoCo model, with a motor for each joint and the parts for effects."""
         if self.parameters is not None:
             spec = plant_spec(mujoco, self.robot, self.parameters)
-        else:
-            assert self.xml is not None
+        elif self.xml is not None:
             spec = _read_mjcf(mujoco, self.xml, self.robot.joints)
         with mujoco_reads(self.xml or self.robot.name):
             add_motors(mujoco, spec, self.robot.joints)
@@ -83,8 +78,9 @@ def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = No
     effects = constant_torques(robot.joints, dict(enumerate(parameters.offset)))
     if values is None:
         return StageModel(NOMINAL, "the nominal model", robot, parameters, None, effects)
-    words = "the nominal model with found parameters"
-    return StageModel(CORRECTED, words, robot, parameters, None, effects)
+    return StageModel(
+        CORRECTED, "the nominal model with found parameters", robot, parameters, None, effects
+    )
 
 
 def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageModel:
@@ -104,19 +100,14 @@ def xml_stage(
 ) -> StageModel:
     """Return the stage of an MJCF file, with constant torques among base parameters (off1 …)."""
     _read_mjcf(mujoco, path, robot.joints)
-    constants = {
-        int(name[3:]) - 1: value
-        for name, value in parameters.items()
-        if re.fullmatch(r"off\d+", name)
-    }
-    wrong = [joint for joint in constants if not 0 <= joint < len(robot.joints)]
-    if wrong:
-        raise UsageError(
-            f"off{wrong[0] + 1} is a parameter of a joint that the robot does not have"
-        )
-    return StageModel(
-        CORRECTED, path.name, robot, None, path, constant_torques(robot.joints, constants)
-    )
+    constants = {}
+    for name, value in parameters.items():
+        if re.fullmatch(r"off\d+", name):
+            constants[int(name[3:]) - 1] = value
+            if not 1 <= int(name[3:]) <= len(robot.joints):
+                raise UsageError(f"{name} is a parameter of a joint that the robot does not have")
+    effects = constant_torques(robot.joints, constants)
+    return StageModel(CORRECTED, path.name, robot, None, path, effects)
 
 
 def require_same_native(
@@ -172,11 +163,9 @@ def _read_mjcf(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
             f"{path}: its joint {others[0]} is not among robot.joints: a replay needs a model of "
             "these joints alone"
         )
-    special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", None)
-    for index, actuator in reversed(list(enumerate(spec.actuators))):
-        if special is None or model.actuator_gaintype[index] != special:
-            spec.delete(actuator)
-    for kind in (spec.sensors, spec.keys):
-        for member in list(kind):
-            spec.delete(member)
+    special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", -1)
+    pairs = zip(spec.actuators, model.actuator_gaintype, strict=True)
+    motors = [actuator for actuator, gain in pairs if gain != special]
+    for member in (*reversed(motors), *spec.sensors, *spec.keys):
+        spec.delete(member)
     return spec
