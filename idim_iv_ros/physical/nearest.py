@@ -16,13 +16,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.physical.pseudo_inertia import (
+    LEAST_OF_NOMINAL,
     UNITS,
     ConicProblem,
     Coordinates,
@@ -38,16 +38,14 @@ from idim_iv_ros.physical.result import (
 )
 from idim_iv_ros.physical.torque_error import Judge
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # λ: a difference of one standard deviation costs 1. A load of a hundred times the moments of a thin
 # flange has a divergence of thousands, so that λ must be far smaller than a nominal link of twice
 # the size would need: else the divergence outweighs the recording, and a rigid arm is called
 # impossible. Below 1e-4 the solver begins to fail.
-# ε: what a link has at least of its nominal pseudo-inertia in every direction.
 TIE_BREAKER = 1e-3
 _LARGEST_TIE_BREAKER = 0.1
-LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
 AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
@@ -80,21 +78,17 @@ def nearest_physical(
     shown, root = root_of_information(covariance)
     group = base.grouping @ coordinates.to_standard
     nominal = given[coordinates.drives]
-    kinds = np.array([base.layout.parameters[k].kind for k in coordinates.drives])
-    names = np.array([base.layout.names[k] for k in coordinates.drives])
-    bounded = np.isin(kinds, list(NON_NEGATIVE)) & ~np.isin(names, list(shared))
+    bounded = not_negative(base, coordinates.drives, shared)
     scale = _scales(base, coordinates.drives, nominal, values)
 
     def solve(estimate: FloatArray) -> FloatArray:
         problem = ConicProblem(
             matrix=root @ group[shown],
             right=root @ estimate[shown],
-            links=len(coordinates.links),
             nominal=nominal,
             scale=scale,
             bounded=bounded,
             weights=np.ones(len(coordinates.links)),
-            least=LEAST_OF_NOMINAL,
         )
         x = _solved(problem, TIE_BREAKER)
         drives = x[10 * len(coordinates.links) :]
@@ -150,14 +144,10 @@ def nearest_physical(
         ),
         links=links,
         base=tuple(
-            BaseChange(
-                name,
-                float(values[k]),
-                float(std[k]),
-                float(consistent[k]),
-                float((consistent[k] - values[k]) / std[k]) if std[k] > 0.0 else float("nan"),
+            BaseChange(name, value, error, new, (new - value) / error if error > 0.0 else np.nan)
+            for name, value, error, new in zip(
+                base.names, values.tolist(), std.tolist(), consistent.tolist(), strict=True
             )
-            for k, name in enumerate(base.names)
         ),
         active=active,
         shared=tuple(name for name in base.layout.names if name in shared),
@@ -195,12 +185,10 @@ def nearest_body(
     problem = ConicProblem(
         matrix=rows / std[:, None],
         right=values / std,
-        links=1,
         nominal=none,
         scale=none,
         bounded=none.astype(bool),
         weights=np.array([TIE_BREAKER]),
-        least=LEAST_OF_NOMINAL,
     )
     return np.asarray(link.to_parameters @ problem.solve())
 
@@ -240,19 +228,12 @@ def _links(
     before, after = coordinates.to_standard @ (start + change), coordinates.to_standard @ x
     listed = []
     for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
-        smallest = [
+        first, second = (
             float(np.linalg.eigvalsh(link.relative(values[place]))[0]) for values in (before, after)
-        ]
-        listed.append(
-            LinkInertia(
-                joint,
-                smallest[0],
-                smallest[1],
-                LEAST_OF_NOMINAL,
-                tuple(float(eigenvalue) for eigenvalue in link.eigenvalues(after[place])),
-                smallest[1] < _ACTIVE * LEAST_OF_NOMINAL,
-            )
         )
+        eigenvalues = tuple(map(float, link.eigenvalues(after[place])))
+        active = second < _ACTIVE * LEAST_OF_NOMINAL
+        listed.append(LinkInertia(joint, first, second, LEAST_OF_NOMINAL, eigenvalues, active))
     return tuple(listed)
 
 
@@ -260,7 +241,7 @@ def _standard_deviations(
     coordinates: Coordinates,
     matrix: FloatArray,
     x: FloatArray,
-    bounded: NDArray[np.bool_],
+    bounded: BoolArray,
     scale: FloatArray,
 ) -> FloatArray:
     """Deviations of π* by the noise of β̂ alone; dπ*/dβ̂ is constant near the optimum."""
@@ -283,14 +264,20 @@ def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
     """Whether the recording shows each standard parameter alone, in a sum, or not at all."""
     rows = base.grouping[shown]
     vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
-    listed: list[Source] = []
-    for k in range(rows.shape[1]):
-        if not np.any(rows[:, k]):
-            listed.append("nominal model")
-            continue
-        alone = 1.0 - float(np.sum(vectors[:, k] ** 2)) < _INDEPENDENT
-        listed.append("recording" if alone else "recording and nominal model")
-    return listed
+    alone = 1.0 - np.sum(vectors**2, axis=0) < _INDEPENDENT
+    return [
+        "nominal model"
+        if not np.any(rows[:, k])
+        else ("recording" if shown_alone else "recording and nominal model")
+        for k, shown_alone in enumerate(alone)
+    ]
+
+
+def not_negative(base: BaseParameters, drives: IntArray, shared: Collection[str]) -> BoolArray:
+    """Whether physics forbids drive or friction parameters (k,) below zero; not `shared` ones."""
+    parameters = [base.layout.parameters[k] for k in drives]
+    allowed = [one.kind in NON_NEGATIVE and one.name not in shared for one in parameters]
+    return np.array(allowed, dtype=bool)
 
 
 def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:

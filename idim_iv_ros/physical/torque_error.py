@@ -8,7 +8,7 @@ from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.least_squares import solve_instrumental_variables
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.physical.result import TorqueError
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import FloatArray
 
 _PARTS = 4
 Projection = Callable[[FloatArray], FloatArray]
@@ -26,8 +26,12 @@ class Judge:
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):
         self._parameters, self._sigma = parameters, sigma
+        ends = [np.linspace(0, len(joint.torque), _PARTS + 1).astype(np.int64) for joint in rows]
         self._parts = [
-            [joint.part(slice(*_bounds(len(joint.torque))[k : k + 2])).reduced for joint in rows]
+            [
+                joint.part(slice(*end[k : k + 2])).reduced
+                for joint, end in zip(rows, ends, strict=True)
+            ]
             for k in range(_PARTS)
         ]
 
@@ -35,28 +39,18 @@ class Judge:
         self, projection: Projection, estimate: FloatArray, consistent: FloatArray
     ) -> TorqueError:
         """Judge β̂ (b,) and the set that `projection` makes of it (b,)."""
-        held_out = self._held_out()
-        return TorqueError(
-            before=self._error([estimate] * _PARTS),
-            after=self._error([consistent] * _PARTS),
-            held_out_before=self._error(held_out) if held_out else None,
-            held_out_after=self._error([projection(block) for block in held_out])
-            if held_out
-            else None,
-        )
-
-    def _held_out(self) -> list[FloatArray]:
-        """Estimates (b,) without one quarter of the rows; none if a quarter is indispensable."""
+        whole = self._error([estimate] * _PARTS), self._error([consistent] * _PARTS)
         estimates = []
         for left_out in range(_PARTS):
             others = [part for k, part in enumerate(self._parts) if k != left_out]
             rows = [first.joined(more) for first, *more in zip(*others, strict=True)]
             try:
                 linear = solve_instrumental_variables(rows, self._parameters, self._sigma)
-            except (DataError, np.linalg.LinAlgError):
-                return []
+            except (DataError, np.linalg.LinAlgError):  # a quarter is indispensable
+                return TorqueError(*whole, None, None)
             estimates.append(linear.values)
-        return estimates
+        projected = [projection(values) for values in estimates]
+        return TorqueError(*whole, self._error(estimates), self._error(projected))
 
     def _error(self, estimates: Sequence[FloatArray]) -> float:
         """Relative torque error, %, over all quarters, with an estimate for every quarter."""
@@ -66,8 +60,3 @@ class Judge:
                 error += float(np.sum(rows.residual(values) ** 2)) / sigma**2
                 torque += float(np.sum(rows.torque**2)) / sigma**2
         return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
-
-
-def _bounds(count: int) -> IntArray:
-    """First rows of all parts of so many rows, and at the end their number (_PARTS + 1,)."""
-    return np.linspace(0, count, _PARTS + 1).astype(np.int64)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.physical.nearest import LEAST_OF_NOMINAL
+from idim_iv_ros.physical.pseudo_inertia import LEAST_OF_NOMINAL
 from idim_iv_ros.physical.remainder import Uncertainty, lower_root
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.robot import ExportedRobot
