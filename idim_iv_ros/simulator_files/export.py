@@ -225,7 +225,6 @@ def _export_mjcf(robot: ExportedRobot, exported: Exported) -> _Written:
 
 
 def _file_text(template: str, **shown: object) -> str:
-    """Return the text of a file rendered from its template under ``templates/``."""
     return _TEMPLATES.get_template(f"{template}.j2").render(shown)
 
 
@@ -266,7 +265,6 @@ def _require_other_files(
 
 
 def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[str]:
-    """Return comment lines for the top of the new MJCF."""
     law = robot.law
     lines = [f"From {robot.origin} by idim_iv_ros; changes.md says what is new and how sure it is."]
     if law.in_actuators:
@@ -320,7 +318,6 @@ def _changes(
 
 
 def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[str, ...]:
-    """Return one parameter as a row of changes.md."""
     name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
     kind = kind_of(name)
     where = ""

@@ -286,7 +286,6 @@ def _changed_link(body: FloatArray, kind: str, value: float) -> FloatArray:
 
 
 def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:
-    """Return a payload with a mass, at the joint that carries it."""
     numbers = {kind_of(name): change for name, change in changes.items()}
     mass = numbers["M"].value
     none = EffectParameter(0.0, None, "kg m")

@@ -34,16 +34,14 @@ from idim_iv_ros.types import FloatArray
 class DriveLaw:
     """Control law as gains from errors to joint torques, (n_joints,) each; zero if unknown."""
 
-    # kp, kd, ki: N m/rad, N m s/rad, N m/(rad s)
-    kp: FloatArray
-    kd: FloatArray
-    ki: FloatArray
+    kp: FloatArray  # N m/rad
+    kd: FloatArray  # N m s/rad
+    ki: FloatArray  # N m/(rad s)
     # Whether the kd term acts on the error of the speed; otherwise on the speed
     velocity_reference: bool
     limit: FloatArray  # N m: infinite where there is none
-    # period, delay: s: of the control; from the command to the torque
-    period: float
-    delay: FloatArray
+    period: float  # s, of the control
+    delay: FloatArray  # s, from the command to the torque
     configured: bool  # Whether a law is known
     beyond: tuple[str, ...]  # What of the law simulators have no element for
 
@@ -71,23 +69,23 @@ def drive_law(
 
     They are in effects whose part is gains, delay or limit.
     """
-    n = len(joints)
-    law = None if section.type == "unknown" else control_law(section, n)
+    n, known = len(joints), section.type != "unknown"
+    law = control_law(section, n) if known else None
     names = ("kp", "kd", "ki")
     numbers = {name: np.zeros(n) if law is None else getattr(law, name).copy() for name in names}
     limit = np.full(n, np.inf) if section.torque_limit is None else np.array(section.torque_limit)
     delay, beyond = np.full(n, section.delay), []
     for effect in effects:
         value, part = effect.parameters, part_of(effect.effect)
-        places = list(range(n)) if effect.joint is None else [list(joints).index(effect.joint)]
+        at = [effect.joint in (None, joint) for joint in joints]
         if part == "delay":
-            delay[places] += value.get("delay", 0.0)
+            delay[at] += value.get("delay", 0.0)
         elif part == "limit" and not value.get("slope", 0.0):
-            limit[places] = np.minimum(limit[places], value["knee"])
+            limit[at] = np.minimum(limit[at], value["knee"])
         elif part == "gains" and law is not None:
             for name, number in value.items():
                 if name in numbers:
-                    numbers[name][places] = number
+                    numbers[name][at] = number
                 elif number:
                     beyond.append(f"{name} {number:.4g} at {effect.joint}")
     return DriveLaw(
@@ -121,13 +119,12 @@ class Coupled:
 class JointValues:
     """Drives and friction of all joints, (n_joints,) each."""
 
-    # armature, damping, friction, offset: kg m², N m s/rad, N m, N m
-    armature: FloatArray
-    damping: FloatArray
-    friction: FloatArray
-    offset: FloatArray
-    # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
-    # MuJoCo's with the defaults of its solver
+    armature: FloatArray  # kg m²
+    damping: FloatArray  # N m s/rad
+    friction: FloatArray  # N m
+    offset: FloatArray  # N m
+    # s, by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as MuJoCo's
+    # with the defaults of its solver
     lead: FloatArray
     couplings: tuple[Coupled, ...] = ()  # of coupled transmissions
 
@@ -277,15 +274,6 @@ class ExportedRobot:
 _ROUNDING = 1e-12
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A link with mass, in the frame of the joint that carries it."""
-
-    link: str
-    place: pin.SE3
-    parameters: FloatArray  # XX … M (10,)
-
-
 def link_bodies(
     urdf: Urdf, robot: RobotModel, joints: Mapping[str, FloatArray], source: str
 ) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
@@ -295,63 +283,45 @@ def link_bodies(
 
     Raises UsageError: a link for which no physical body is left.
     """
-    carried = _carried_links(urdf, robot)
-    changed, notes = {}, []
-    for joint, target in joints.items():
-        main = urdf.joints[joint].child
-        parts = carried[joint]
-        others = [part for part in parts if part.link != main]
-        main_part = next((part for part in parts if part.link == main), None)
-        rest = target - sum((other.parameters for other in others), np.zeros(10))
-        reference = rest if main_part is None else main_part.parameters
-        rounding = _ROUNDING * np.abs(reference).max()
-        if main_part is not None and np.abs(rest - reference).max() <= rounding:
-            continue
-        if is_possible(rest, reference):
-            changed[main] = body_of(rest)
-            continue
-        names = ", ".join(other.link for other in others)
-        if not others:
-            raise UsageError(f"{source}: link {main}: no body is left for it")
-        spread = _spread(parts, target)
-        if spread is None:
-            raise UsageError(
-                f"{source}: link {main}: what is fixed behind it ({names}) weighs more than the "
-                f"recording lets {joint} carry, and the nominal inertials are too degenerate to "
-                "spread the change; correct their inertials"
-            )
-        changed |= spread
-        notes.append(
-            f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
-            "that the file gives these, no body would be left for the link"
-        )
-    return changed, tuple(notes)
-
-
-def _carried_links(urdf: Urdf, robot: RobotModel) -> dict[str, list[_Part]]:
-    """Return the links with mass that each identified joint carries, in its frame."""
-    carried: dict[str, list[_Part]] = {joint: [] for joint in robot.joints}
+    # Links with mass that a joint carries: placement in its frame, and XX … M (10,) there.
+    carried: dict[str, dict[str, tuple[pin.SE3, FloatArray]]] = {joint: {} for joint in joints}
     for frame in robot.pinocchio.frames:
         inertial = urdf.links[frame.name] if frame.type == pin.FrameType.BODY else None
         if inertial is not None and inertial.mass > 0.0 and frame.parentJoint > 0:
             joint = robot.joints[robot.order[frame.parentJoint - 1]]
             body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
             place = frame.placement
-            carried[joint].append(_Part(frame.name, place, parameters_of(place.act(body))))
-    return carried
-
-
-def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | None:
-    """Map all parts by one affine map to the whole `target`; None if that is impossible."""
-    nominal = sum((part.parameters for part in parts), np.zeros(10))
-    try:
-        root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(
-            upper_root(pseudo_inertia(nominal))
+            carried[joint][frame.name] = (place, parameters_of(place.act(body)))
+    changed, notes = {}, []
+    for joint, target in joints.items():
+        main, parts = urdf.joints[joint].child, carried[joint]
+        others = [link for link in parts if link != main]
+        rest = target - sum((parts[link][1] for link in others), np.zeros(10))
+        _, reference = parts.get(main, (None, rest))
+        rounding = _ROUNDING * np.abs(reference).max()
+        if main in parts and np.abs(rest - reference).max() <= rounding:
+            continue
+        if is_possible(rest, reference):
+            changed[main] = body_of(rest)
+            continue
+        names = ", ".join(others)
+        if not others:
+            raise UsageError(f"{source}: link {main}: no body is left for it")
+        nominal = sum((parameters for _, parameters in parts.values()), np.zeros(10))
+        try:
+            before = np.linalg.inv(upper_root(pseudo_inertia(nominal)))
+            root = upper_root(pseudo_inertia(target)) @ before
+        except np.linalg.LinAlgError as error:
+            raise UsageError(
+                f"{source}: link {main}: what is fixed behind it ({names}) weighs more than the "
+                f"recording lets {joint} carry, and the nominal inertials are too degenerate to "
+                "spread the change; correct their inertials"
+            ) from error
+        for link, (place, parameters) in parts.items():
+            matrix = root @ pseudo_inertia(parameters) @ root.T
+            changed[link] = place.actInv(body_of(inertial_parameters(matrix)))
+        notes.append(
+            f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
+            "that the file gives these, no body would be left for the link"
         )
-    except np.linalg.LinAlgError:
-        return None
-    mapped = {}
-    for part in parts:
-        matrix = root @ pseudo_inertia(part.parameters) @ root.T
-        mapped[part.link] = part.place.actInv(body_of(inertial_parameters(matrix)))
-    return mapped
+    return changed, tuple(notes)
