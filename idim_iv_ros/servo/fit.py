@@ -29,15 +29,15 @@ _UNSEEN = 1e-5  # of the largest eigenvalue: a combination of parameters that ch
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampled:
-    """What servos were asked and did, sampled uniformly."""
+class Motion:
+    """What servos were asked and did in a recording, sampled uniformly."""
 
     rate: float  # Hz
-    # command, position: (n_samples, n_joints) rad
-    command: FloatArray
-    position: FloatArray
-    valid: BoolArray  # (n_samples, n_joints) bool: Whether the position was measured
+    command: FloatArray  # (n_samples, n_joints) rad
+    position: FloatArray  # (n_samples, n_joints) rad
+    valid: BoolArray  # (n_samples, n_joints): whether the position was measured
     gain: float = 1.0  # Of the loops, in parts of that for which K is asked
+    name: str = ""
 
     @property
     def used(self) -> BoolArray:
@@ -48,15 +48,37 @@ class Sampled:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(Sampled):
-    """Commands, positions and load of one joint, or of all, in a recording."""
+class Run(Motion):
+    """Motion of one joint, or of all, with what the rigid bodies ask along it."""
 
-    load: Load  # What the rigid bodies ask along the motion, of n_samples · finer instants
+    load: Load  # Of n_samples · finer instants
+    # (n_samples · finer, n_joints) rad/s²: of the motion along which the load of all joints holds
+    acceleration: FloatArray | None = None
 
     @property
     def finer(self) -> int:
         """How many samples of the load there are to a sample of the recording."""
         return len(self.load.torque) // len(self.command)
+
+    def of_joint(self, joint: int) -> "Run":
+        """Return the run of one joint, the others moving as they do."""
+        assert self.acceleration is not None
+        accelerations, column = self.acceleration.copy(), slice(joint, joint + 1)
+        accelerations[:, joint] = 0.0
+        coupled = np.einsum("sk,sk->s", self.load.mass[:, joint], accelerations)
+        return replace(
+            self,
+            command=self.command[:, column],
+            position=self.position[:, column],
+            valid=self.valid[:, column],
+            load=Load(
+                self.load.mass[:, column, column],
+                self.load.torque[:, column] + coupled[:, None],
+                self.load.slope[:, column],
+                self.load.position[:, column],
+            ),
+            acceleration=None,
+        )
 
     def followed(self, drives: FloatArray) -> FloatArray:
         """Position and speed (2, n_samples · finer, n_joints) behind servos that start at rest.
@@ -112,7 +134,6 @@ def fit_drive(
     runs: Sequence[Run],
     start: Drive,
     free: Sequence[str],
-    scale: FloatArray,
     *,
     iterations: int = 60,
     tolerance: float = 1e-6,
@@ -121,12 +142,11 @@ def fit_drive(
 
     - `start`: where the search begins, and the value of what is not free
     - `free`: of `PARAMETERS`
-    - `scale`: (8,) what is large for a parameter, in its unit
     - `tolerance`: share by which the cost must fall for another iteration
     """
     places = [PARAMETERS.index(name) for name in free]
-    first = np.array(start, dtype=float)
-    unit = scale[places]
+    first, unit = np.array(start, dtype=float), scales(runs)[places]
+    low = np.array([-np.inf if name == "offset" else 0.0 for name in free])
 
     def drive(x: FloatArray) -> Drive:
         values = first.copy()
@@ -138,18 +158,14 @@ def fit_drive(
 
     def slopes(x: FloatArray) -> FloatArray:
         columns = []
-        for k in range(len(x)):
-            step = np.zeros(len(x))
-            step[k] = _DIFFERENCE
+        for k, step in enumerate(_DIFFERENCE * np.eye(len(x))):
             lower = np.maximum(x - step, low)
             columns.append((difference(x + step) - difference(lower)) / (x[k] + step[k] - lower[k]))
         return np.column_stack(columns)
 
-    low = np.array([-np.inf if PARAMETERS[k] == "offset" else 0.0 for k in places])
-    start_x = np.maximum(first[places] / unit, low + 1e-6)
     answer = scipy.optimize.least_squares(
         difference,
-        start_x,
+        np.maximum(first[places] / unit, low + 1e-6),
         slopes,
         bounds=(low, np.inf),
         x_scale="jac",
@@ -157,14 +173,14 @@ def fit_drive(
         xtol=1e-6,
         ftol=tolerance,
     )
-    fitted = drive(answer.x)
     covariance = np.zeros((len(first), len(first)))
     sandwich, blocks = block_covariance(used_labels(runs), answer.fun, answer.jac)
     covariance[np.ix_(places, places)] = sandwich * np.outer(unit, unit)
-    return DriveEstimate(fitted, covariance, float(np.sqrt(np.mean(answer.fun**2))), blocks)
+    residual = float(np.sqrt(np.mean(answer.fun**2)))
+    return DriveEstimate(drive(answer.x), covariance, residual, blocks)
 
 
-def used_labels(runs: Sequence[Sampled]) -> IntArray:
+def used_labels(runs: Sequence[Motion]) -> IntArray:
     """Numbers (n,) of the blocks of time of all samples that count in the fit."""
     labels, count = [], 0
     for run in runs:
@@ -203,23 +219,26 @@ def block_covariance(
     return covariance / np.outer(size, size), count
 
 
-def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float]:
-    """Factor of a run's gain or load with which a drive fitted to other runs suits it best.
+def fit_factor(scaled: Callable[[float], Run], answer: DriveEstimate) -> tuple[float, float]:
+    """Factor with which a drive fitted to other runs suits a run best.
+
+    - `scaled`: the run whose gain or load is multiplied by a factor
 
     Returns the factor and its standard deviation, which allows for the uncertainty of the drive.
     """
 
-    def residual(factor: float, drive: Drive) -> FloatArray:
-        return residuals([_scaled(run, factor, what)], drive)
+    def residual(factor: float, drive: FloatArray | Drive = answer.drive) -> FloatArray:
+        return residuals([scaled(factor)], drive)
+
+    def slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
+        return (function(at + step) - function(at - step)) / (2.0 * step)
 
     solution = scipy.optimize.least_squares(
-        lambda x: residual(float(x[0]), answer.drive), [1.0], bounds=(0.01, 100.0), x_scale="jac"
+        lambda x: residual(float(x[0])), [1.0], bounds=(0.01, 100.0), x_scale="jac"
     )
     factor = float(solution.x[0])
-    slope = _slope(lambda x: residual(x, answer.drive), factor, _DIFFERENCE)
-    scatter, _ = block_covariance(used_labels([run]), solution.fun, slope[:, None])
-    variance = float(scatter[0, 0])
-    bread = float(slope @ slope)
+    by_factor = slope(residual, factor, _DIFFERENCE)
+    scatter, _ = block_covariance(used_labels([scaled(1.0)]), solution.fun, by_factor[:, None])
     values, spread = np.array(answer.drive), np.sqrt(np.diag(answer.covariance))
     change = np.zeros(len(values))
     for k in np.flatnonzero(spread > 0.0):
@@ -227,25 +246,12 @@ def fit_factor(run: Run, answer: DriveEstimate, what: str) -> tuple[float, float
         def moved(value: float, k: int = int(k)) -> FloatArray:
             drive = values.copy()
             drive[k] = value
-            return residual(factor, Drive(*drive))
+            return residual(factor, drive)
 
-        column = _slope(
-            moved, float(values[k]), min(0.1 * float(spread[k]), 0.5 * values[k] + 1e-6)
-        )
-        change[k] = -float(slope @ column) / bread
-    return factor, float(np.sqrt(variance + change @ answer.covariance @ change))
-
-
-def _scaled(run: Run, factor: float, what: str) -> Run:
-    """Return a run whose gain or load is multiplied."""
-    if what == "gain":
-        return replace(run, gain=factor * run.gain)
-    mass, torque, slope, position = run.load
-    return replace(run, load=Load(factor * mass, factor * torque, factor * slope, position))
-
-
-def _slope(function: Callable[[float], FloatArray], at: float, step: float) -> FloatArray:
-    return (function(at + step) - function(at - step)) / (2.0 * step)
+        step = min(0.1 * float(spread[k]), 0.5 * values[k] + 1e-6)
+        change[k] = -float(by_factor @ slope(moved, float(values[k]), step))
+    change /= float(by_factor @ by_factor)
+    return factor, float(np.sqrt(scatter[0, 0] + change @ answer.covariance @ change))
 
 
 _CUTOFF, _ORDER = 8.0, 4  # Hz
@@ -311,11 +317,10 @@ def scales(runs: Sequence[Run]) -> FloatArray:
         q, v, a = smooth_motion(run.position, run.rate)
         error = max(error, run.gain * float(np.abs(run.command - run.position).max()))
         torque = max(torque, float(np.abs(asked_torque(run, q, a)).max()))
-        speed, acceleration = (
-            max(speed, float(np.abs(v).max())),
-            max(acceleration, float(np.abs(a).max())),
-        )
+        speed = max(speed, float(np.abs(v).max()))
+        acceleration = max(acceleration, float(np.abs(a).max()))
     late = max(2.0 / runs[0].rate, 0.02)
-    values = (error / torque, error / acceleration, error / speed, error, error, late, error, 1.0)
-    assert len(values) == len(PARAMETERS)
-    return np.array(values)
+    drive = Drive(
+        error / torque, error / acceleration, error / speed, error, error, late, error, 1.0
+    )
+    return np.array(drive)

@@ -17,7 +17,6 @@ _ABSOLUTE = {
     "friction": ("dry friction", "N m"),
     "offset": ("offset", "N m"),
     "limit": ("torque limit", "N m"),
-    "load_friction": ("friction by load", "1"),
 }
 _RATIOS = {
     "inertia": ("armature / stiffness", "s²"),
@@ -46,32 +45,27 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
 
     - `model_error`: standard deviation of the nominal torques, as a share of them
     """
-    values, width = np.array(answer.drive), interval_width(answer)
+    width, compliance = interval_width(answer), answer.drive.compliance
     covariance = answer.covariance.copy()
-    compliance = answer.drive.compliance
     covariance[0, 0] += (model_error * compliance) ** 2
-    std = float(np.sqrt(covariance[0, 0]))
-    lowest = compliance - width * std
-    numbers = [
-        ServoNumber(
-            name="stiffness",
-            unit="N m/rad",
-            value=1.0 / compliance,
-            low=1.0 / (compliance + width * std),
-            high=1.0 / lowest if lowest > 0.0 else np.inf,
-            shown=True,
-        )
-    ]
+    half = width * float(np.sqrt(covariance[0, 0]))
+    lowest = compliance - half
+    stiffness = ServoNumber(
+        name="stiffness",
+        unit="N m/rad",
+        value=1.0 / compliance,
+        low=1.0 / (compliance + half),
+        high=1.0 / lowest if lowest > 0.0 else np.inf,
+        shown=True,
+    )
+    numbers = [stiffness]
     for kind, (name, unit) in _ABSOLUTE.items():
-        place = PARAMETERS.index(kind)
-        slope = np.zeros(len(values))
-        value = values[place] if kind == "load_friction" else values[place] / compliance
-        if kind == "load_friction":
-            slope[place] = 1.0
-        elif np.isfinite(values[place]):
-            slope[0], slope[place] = -values[place] / compliance**2, 1.0 / compliance
-        numbers.append(_number(kind, name, unit, value, slope, covariance, width))
-    return tuple(numbers)
+        value = getattr(answer.drive, kind)
+        slopes = {"compliance": -value / compliance**2, kind: 1.0 / compliance}
+        numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
+    by_load = answer.drive.load_friction
+    slopes = {"load_friction": 1.0}
+    return (*numbers, _number("friction by load", "1", by_load, slopes, covariance, width))
 
 
 def ratio_numbers(answer: DriveEstimate, *, with_links: bool) -> tuple[ServoNumber, ...]:
@@ -79,47 +73,38 @@ def ratio_numbers(answer: DriveEstimate, *, with_links: bool) -> tuple[ServoNumb
 
     - `with_links`: whether the inertia is that of the links, too, because they were not told apart
     """
-    values, width = np.array(answer.drive), interval_width(answer)
-    numbers = []
+    width, covariance, numbers = interval_width(answer), answer.covariance, []
     for kind, (name, unit) in _RATIOS.items():
-        place = PARAMETERS.index(kind)
-        slope = np.zeros(len(values))
-        slope[place] = float(np.isfinite(values[place]))
-        if kind == "inertia" and with_links:
-            name = WITH_LINKS
-        numbers.append(_number(kind, name, unit, values[place], slope, answer.covariance, width))
+        name = WITH_LINKS if kind == "inertia" and with_links else name
+        value = getattr(answer.drive, kind)
+        numbers.append(_number(name, unit, value, {kind: 1.0}, covariance, width))
     limit, damping = answer.drive.limit, answer.drive.damping
-    slope = np.zeros(len(values))
     if np.isfinite(limit) and damping > 0.0:
-        slope[PARAMETERS.index("limit")] = 1.0 / damping
-        slope[PARAMETERS.index("damping")] = -limit / damping**2
+        slopes = {"limit": 1.0 / damping, "damping": -limit / damping**2}
         speed = limit / damping
-        numbers.append(
-            _number("limit", "speed at no load", "rad/s", speed, slope, answer.covariance, width)
-        )
+        numbers.append(_number("speed at no load", "rad/s", speed, slopes, covariance, width))
     return tuple(numbers)
 
 
 def _number(
-    kind: str,
     name: str,
     unit: str,
     value: float,
-    slope: FloatArray,
+    slopes: dict[str, float],
     covariance: FloatArray,
     width: float,
 ) -> ServoNumber:
     """A number with its interval, from its derivatives by the parameters."""
-    half = width * float(np.sqrt(slope @ covariance @ slope))
     if not np.isfinite(value):
         return ServoNumber(name=name, unit=unit, value=np.nan, low=np.nan, high=np.inf, shown=False)
-    low, high = value - half, value + half
-    shown = low > 0.0 or (kind == "offset" and high < 0.0)
+    slope = np.array([slopes.get(parameter, 0.0) for parameter in PARAMETERS])
+    half = width * float(np.sqrt(slope @ covariance @ slope))
+    low, high, either_sign = value - half, value + half, "offset" in slopes
     return ServoNumber(
         name=name,
         unit=unit,
         value=float(value),
-        low=float(low if kind == "offset" else max(low, 0.0)),
+        low=float(low if either_sign else max(low, 0.0)),
         high=float(high),
-        shown=shown,
+        shown=low > 0.0 or (either_sign and high < 0.0),
     )

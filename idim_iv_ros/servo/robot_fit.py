@@ -1,7 +1,6 @@
 """All servos of a robot at once: what its rigid bodies ask along a motion, and their fit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -10,8 +9,8 @@ from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.servo.fit import (
     PARAMETERS,
     DriveEstimate,
+    Motion,
     Run,
-    Sampled,
     block_covariance,
     fit_drive,
     ordinary_least_squares,
@@ -39,77 +38,24 @@ LARGEST_ANGLE = 12.0  # rad, beyond which no limited joint turns
 Trajectory = FloatArray  # (3, n_samples, n_joints) rad, rad/s, rad/s²
 
 
-@dataclass(frozen=True, kw_only=True)
-class Motion(Sampled):
-    """Commands and positions of all joints in a recording."""
-
-    name: str
-    robot: RobotModel | None = None  # What carried the load; None: the robot of the configuration
-
-    @property
-    def finer(self) -> int:
-        """Samples of what the rigid bodies ask in one of the recording."""
-        return max(int(np.ceil(_FINE / self.rate - 1e-6)), 1)
-
-    def with_load(self, robot: RobotModel, trajectory: Trajectory) -> "RobotRun":
-        """Return it with what the nominal rigid bodies ask along a trajectory, without drives."""
-        robot = self.robot or robot
-        position, velocity, acceleration = trajectory
-        bodies, rest = robot.given.of_links, np.zeros_like(position)
-        bias = inverse_dynamics(robot, bodies, position, velocity, rest)
-        slope = np.empty_like(bias)
-        for joint in range(position.shape[1]):
-            moved = position.copy()
-            moved[:, joint] += _STEP
-            there = inverse_dynamics(robot, bodies, moved, velocity, rest)[:, joint]
-            slope[:, joint] = (there - bias[:, joint]) / _STEP
-        return RobotRun(
-            rate=self.rate,
-            command=self.command,
-            position=self.position,
-            valid=self.valid,
-            gain=self.gain,
-            load=Load(mass_matrix(robot, bodies, position), bias, slope, position),
-            acceleration=acceleration,
-        )
+def loaded(motion: Motion, robot: RobotModel, trajectory: Trajectory) -> Run:
+    """Return a motion with what the nominal rigid bodies ask along a trajectory, without drives."""
+    position, velocity, acceleration = trajectory
+    bodies, rest = robot.given.of_links, np.zeros_like(position)
+    bias = inverse_dynamics(robot, bodies, position, velocity, rest)
+    slope = np.empty_like(bias)
+    for joint, step in enumerate(_STEP * np.eye(position.shape[1])):
+        there = inverse_dynamics(robot, bodies, position + step, velocity, rest)
+        slope[:, joint] = (there - bias)[:, joint] / _STEP
+    load = Load(mass_matrix(robot, bodies, position), bias, slope, position)
+    return Run(**vars(motion), load=load, acceleration=acceleration)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotRun(Run):
-    """Commands, positions and load of all joints, which act on one another."""
-
-    # (n_samples · finer, n_joints) rad/s²: of the motion along which the load holds
-    acceleration: FloatArray
-
-    def of_joint(self, joint: int) -> Run:
-        """Return the run of one joint, the others moving as they do."""
-        accelerations = self.acceleration.copy()
-        accelerations[:, joint] = 0.0
-        coupled = np.einsum("sk,sk->s", self.load.mass[:, joint], accelerations)
-        column = slice(joint, joint + 1)
-        return Run(
-            rate=self.rate,
-            command=self.command[:, column],
-            position=self.position[:, column],
-            valid=self.valid[:, column],
-            gain=self.gain,
-            load=Load(
-                self.load.mass[:, column, column],
-                self.load.torque[:, column] + coupled[:, None],
-                self.load.slope[:, column],
-                self.load.position[:, column],
-            ),
-        )
-
-    def trajectory(self, drives: FloatArray) -> Trajectory:
-        """Motion (3, n_samples · finer, n_joints) of all joints with their servos.
-
-        - `drives`: (n_joints, 8), as `Drive`
-        """
-        position, speed = self.followed(drives)
-        # Of the speeds: what acts between two samples is the mean acceleration there.
-        step = 1.0 / (self.rate * self.finer)
-        return np.stack([position, speed, np.gradient(speed, step, axis=0)])
+def followed_motion(run: Run, drives: FloatArray) -> Trajectory:
+    """Motion (3, n_samples · finer, n_joints) of all joints behind servos (n_joints, 8)."""
+    position, speed = run.followed(drives)
+    # Of the speeds: what acts between two samples is the mean acceleration there.
+    return np.stack([position, speed, np.gradient(speed, 1.0 / (run.rate * run.finer), axis=0)])
 
 
 def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int) -> Trajectory:
@@ -125,10 +71,10 @@ def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int)
 
 def fit_robot(
     motions: Sequence[Motion],
-    runs: Sequence[RobotRun],
+    runs: Sequence[Run],
     robot: RobotModel,
     estimates: Sequence[DriveEstimate],
-) -> tuple[list[DriveEstimate], list[RobotRun]]:
+) -> tuple[list[DriveEstimate], list[Run]]:
     """Improve estimates that were made joint by joint.
 
     Sensitivities are taken once; the rigid bodies' torques are taken again along the motion of
@@ -159,10 +105,11 @@ def fit_robot(
             trial = drives.copy()
             values = drives[tuple(places.T)] + change * 0.5**halving
             trial[tuple(places.T)] = np.maximum(values, low)
-            simulated = [run.trajectory(trial) for run in current]
+            simulated = [followed_motion(run, trial) for run in current]
             if not np.isfinite(np.concatenate(simulated, axis=1)).all():
                 continue
-            along = _runs(motions, robot, simulated)
+            pairs = zip(motions, simulated, strict=True)
+            along = [loaded(motion, robot, there) for motion, there in pairs]
             left = residuals(along, trial)
             if float(left @ (weights * left)) < cost:
                 break
@@ -207,38 +154,30 @@ def fit_servos(
 
     Returns runs and estimate of each joint.
     """
-    trajectories = [
-        finer_motion(smooth_motion(motion.position, motion.rate), motion.finer)
-        for motion in motions
-    ]
+    runs = []
+    for motion in motions:
+        finer = max(int(np.ceil(_FINE / motion.rate - 1e-6)), 1)
+        trajectory = finer_motion(smooth_motion(motion.position, motion.rate), finer)
+        runs.append(loaded(motion, robot, trajectory))
     starts: list[Drive | None] = [None] * len(robot.joints)
     tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH
-    runs = _runs(motions, robot, trajectories)
     for _ in range(_TURNS):
         estimates = [
             fit_joint([run.of_joint(joint) for run in runs], start, tolerance=tolerance)
             for joint, start in enumerate(starts)
         ]
         starts = [estimate.drive for estimate in estimates]
-        simulated = [run.trajectory(np.array(starts)) for run in runs]
+        simulated = [followed_motion(run, np.array(starts)) for run in runs]
         # Where a simulation runs away the load stays that of the motion before.
         for k, there in enumerate(simulated):
             if np.isfinite(there).all() and np.abs(there[0]).max() < LARGEST_ANGLE:
-                runs[k] = motions[k].with_load(robot, there)
+                runs[k] = loaded(motions[k], robot, there)
     if len(robot.joints) > 1:
         estimates, runs = fit_robot(motions, runs, robot, estimates)
     return [
         ([run.of_joint(joint) for run in runs], estimate)
         for joint, estimate in enumerate(estimates)
     ]
-
-
-def _runs(
-    motions: Sequence[Motion], robot: RobotModel, trajectories: Sequence[Trajectory]
-) -> list[RobotRun]:
-    """Motions with what the rigid bodies ask along these trajectories."""
-    pairs = zip(motions, trajectories, strict=True)
-    return [motion.with_load(robot, trajectory) for motion, trajectory in pairs]
 
 
 def fit_joint(
@@ -250,25 +189,22 @@ def fit_joint(
 
     - `start`: of an earlier fit to the same recordings, which decided what is there; None: decide
     """
-    scale = scales(runs)
     if start is not None:
-        return fit_drive(runs, start, present_parameters(start), scale, tolerance=tolerance)
-    least_squares = ordinary_least_squares(runs)
-    best = fit_drive(runs, least_squares, _ALWAYS, scale, tolerance=tolerance)
-    error = scale[PARAMETERS.index("limit")]
+        return fit_drive(runs, start, present_parameters(start), tolerance=tolerance)
+    best = fit_drive(runs, ordinary_least_squares(runs), _ALWAYS, tolerance=tolerance)
+    error = scales(runs)[PARAMETERS.index("limit")]
     limits = [{"limit": share * error} for share in _LIMITS]
     for trials in (limits, [{"load_friction": _LOAD_FRICTION}]):
-        tried = []
-        for trial in trials:
-            drive = best.drive._replace(**trial)
-            tried.append(
-                fit_drive(runs, drive, present_parameters(drive), scale, iterations=_COARSE)
-            )
+        drives = [best.drive._replace(**trial) for trial in trials]
+        tried = [
+            fit_drive(runs, drive, present_parameters(drive), iterations=_COARSE)
+            for drive in drives
+        ]
         better = min(tried, key=lambda answer: answer.residual)
         gained = 2.0 * best.blocks * np.log(best.residual / max(better.residual, 1e-300))
         if gained > np.log(best.blocks):
             present = present_parameters(better.drive)
-            best = fit_drive(runs, better.drive, present, scale, tolerance=tolerance)
+            best = fit_drive(runs, better.drive, present, tolerance=tolerance)
     return best
 
 
