@@ -32,26 +32,21 @@ class DriverPreset:
         A robot in a namespace has the same topics below it: ``/left/joint_states``.
         """
         sources, reasons = {}, {}
+        # Of topics that every bag has.
+        names = set.intersection(
+            *({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags)
+        )
         for key in SOURCES:
             source = self.keys.get("signals", {}).get(key)
             if source is None:
                 continue
-            topic = _in_bags(topic_of(source), bags)
-            if topic is None:
-                reasons[key] = f"{topic_of(source)} of the driver {self.name} is not in the bag"
-                continue
-            field = field_of(source)
-            sources[key] = topic if field is None else with_field(topic, field)
+            wanted, field = topic_of(source), field_of(source)
+            topics = [wanted] if wanted in names else [n for n in names if n.endswith(wanted)]
+            if len(topics) == 1:
+                sources[key] = topics[0] if field is None else with_field(topics[0], field)
+            else:
+                reasons[key] = f"{wanted} of the driver {self.name} is not in the bag"
         return sources, reasons
-
-
-def _in_bags(topic: str, bags: Sequence[BagContents]) -> str | None:
-    """A topic that every bag has under this name or, only one, below a namespace."""
-    names = set.intersection(*({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags))
-    if topic in names:
-        return topic
-    below = [name for name in names if name.endswith(topic)]
-    return below[0] if len(below) == 1 else None
 
 
 def driver_files() -> dict[str, Path]:

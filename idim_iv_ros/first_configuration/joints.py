@@ -43,12 +43,9 @@ def choose_joints(
         if joint is None or joint.type == "fixed":
             continue
         name = joint.name
-        position = [_contents(bag, states, name) for bag in bags]
-        effort: Sequence[JointContents | None] = position
-        needless = efforts is None or efforts in arrays
-        if efforts is not None:
-            effort = [_contents(bag, efforts, name) for bag in bags]
-        reason = _why_not(joint, position, effort, needless)
+        position = [bag.measured(states, name) for bag in bags]
+        effort = [bag.measured(efforts or states, name) for bag in bags]
+        reason = _why_not(joint, position, effort, efforts is None or efforts in arrays)
         if not reason:
             chosen.append(name)
             continue
@@ -59,13 +56,11 @@ def choose_joints(
                 f"{name} is left out ({reason}) and the model locks it at {joint.rest:.3g}, but it "
                 f"was at {lowest:.3g}: record a motion of it as well"
             )
-    recorded = [
-        name
-        for topic in bags[0].topics
-        if topic.name == states and not topic.asked
-        for name in topic.joints
-    ]
-    left_out.update({name: "not in the URDF" for name in recorded if name not in robot.joints})
+    for topic in bags[0].topics:
+        if topic.name == states and not topic.asked:
+            left_out |= {
+                name: "not in the URDF" for name in topic.joints if name not in robot.joints
+            }
     if not chosen:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise DataError(
@@ -100,10 +95,3 @@ def _why_not(
 
 def _is_gripper(joint: UrdfJoint) -> bool:
     return _GRIPPER.search(joint.name) is not None
-
-
-def _contents(bag: BagContents, name: str, joint: str) -> JointContents | None:
-    for topic in bag.topics:
-        if topic.name == name and not topic.asked:
-            return topic.joints.get(joint)
-    return None

@@ -33,7 +33,7 @@ from idim_iv_ros.first_configuration.topics import (
     choose_topics,
     read_contents,
 )
-from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
+from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.identification.sanity import joint_findings
 from idim_iv_ros.model import read_urdf_file
 from idim_iv_ros.model.urdf_reader import description_key
@@ -88,23 +88,13 @@ def propose_configuration(
 ) -> Proposal:
     """Look through bags and propose a configuration with which they can be identified.
 
-    Parameters
-    ----------
-    bags
-        One recording or several of one robot.
-    urdf
-        Its description; None: /robot_description of the bag.
-    driver
-        Name of a driver whose topics and units are known (``ur``), or a YAML file of the same form.
-    progress
-        Called with a stage in words and the share that is done, 0 to 1.
+    - `bags`: one recording or several of one robot
+    - `urdf`: its description; None: /robot_description of the bag
+    - `driver`: name of one whose topics and units are known (``ur``), or a YAML file of that form
+    - `progress`: called with a stage in words and the share that is done, 0 to 1
 
-    Raises
-    ------
-    UsageError
-        No such file, no URDF, or one that cannot be used.
-    DataError
-        The bags hold nothing that can be identified.
+    Raises UsageError: no such file, no URDF, or one that cannot be used; DataError: the bags hold
+    nothing that can be identified.
     """
     paths = as_paths(bags)
     preset = None if driver is None else read_driver(driver)
@@ -139,8 +129,16 @@ def propose_configuration(
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)
-            of_efforts, limits = _from_efforts(prepared, values, reasons, watch)
-            warnings += of_efforts
+            watch.stage("effort unit", 0.6)
+            unit, why_unit = guess_effort_unit(prepared)
+            watch.stage("control law", 0.8)
+            values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
+            values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why_unit
+            findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
+            warnings += tuple(f"{joints.joints[f.joint]}: {f.sentence}" for f in findings)
+            most = prepared.model.robot.limits.effort
+            if (most > 0.0).all() and np.isfinite(most).all():
+                limits = tuple(most.tolist())
             if preset is not None:
                 warnings += _merge(preset, values, reasons, named, missing)
             if values["signals"]["effort_unit"] != "N m":
@@ -155,26 +153,6 @@ def propose_configuration(
         limits=limits,
         warnings=warnings,
     )
-
-
-def _from_efforts(
-    prepared: PreparedRegression,
-    values: dict[str, dict[str, object]],
-    reasons: dict[tuple[str, str], str],
-    watch: Stopwatch,
-) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """Add the unit of the efforts and the control law; return warnings and the efforts' limits."""
-    watch.stage("effort unit", 0.6)
-    unit, why = guess_effort_unit(prepared)
-    watch.stage("control law", 0.8)
-    values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
-    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
-    values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why
-    joints = prepared.configuration.robot.joints
-    warnings = (f"{joints[finding.joint]}: {finding.sentence}" for finding in findings)
-    limits = prepared.model.robot.limits.effort
-    finite = bool((limits > 0.0).all() and np.isfinite(limits).all())
-    return tuple(warnings), tuple(float(limit) for limit in limits) if finite else ()
 
 
 def _merge(
@@ -251,10 +229,7 @@ def configuration_text(proposal: Proposal, out: FilePath) -> str:
 def write_configuration(proposal: Proposal, out: FilePath, *, force: bool = False) -> Path:
     """Write the proposal as a configuration file.
 
-    Raises
-    ------
-    UsageError
-        It cannot be written, or a file of the user is in its place.
+    Raises UsageError: it cannot be written, or a file of the user is in its place.
     """
     path = Path(out)
     require_replaceable([path], force=force)
@@ -282,11 +257,8 @@ def _line(
 
 def _yaml(name: str, value: object) -> str:
     """``name: value`` in one line."""
-    yaml = YAML()
-    yaml.default_flow_style = True
-    yaml.width = _WIDTH
-    stream = io.StringIO()
-    mapping = CommentedMap({name: value})
+    yaml, stream, mapping = YAML(), io.StringIO(), CommentedMap({name: value})
+    yaml.default_flow_style, yaml.width = True, _WIDTH
     mapping.fa.set_block_style()
     yaml.dump(mapping, stream)
     return stream.getvalue().strip()

@@ -71,6 +71,11 @@ class BagContents:
     # URDF on /robot_description, or on that of the only namespace that has one
     description: str | None
 
+    def measured(self, topic: str, joint: str) -> JointContents | None:
+        """What was measured of a joint on a topic."""
+        topics = [one for one in self.topics if one.name == topic and not one.asked]
+        return topics[0].joints.get(joint) if topics else None
+
 
 def read_contents(path: Path) -> BagContents:
     """Look through a bag.
@@ -96,46 +101,36 @@ def read_contents(path: Path) -> BagContents:
             controller = kinds[topic] in (CONTROLLER_STATE, MANY_STATES)
             for asked in (False, True) if controller else (False,):
                 if (topic, asked) not in readers:
-                    readers[topic, asked] = _reader(bag, topic, asked)
+                    name = bag.topics[topic]
+                    kind = JointMessageType(name, bag.definitions.get(name), reference=asked)
+                    readers[topic, asked] = JointMessageReader(
+                        topic, kind, [], ["position", "effort"], grows=True
+                    )
                 readers[topic, asked].add(batch)
         elif topic not in numbers:
             first_message = JointMessageType(FLOAT_ARRAY).read(batch.message(0), ["effort"])
             numbers[topic] = len(first_message.numbers.get("effort", ()))
-    joints = {place: _joints(reader) for place, reader in readers.items()}
-    contents = tuple(
-        TopicContents(
-            topic,
-            count,
-            1e-9 * (last - first),
-            joints.get((topic, asked), {}),
-            numbers.get(topic, 0),
-            kinds[topic],
-            asked,
-        )
-        for topic, (count, first, last) in counts.items()
-        for asked in ((False, True) if (topic, True) in joints else (False,))
-    )
+    contents = []
+    for topic, (count, first, last) in counts.items():
+        duration, of_array = 1e-9 * (last - first), numbers.get(topic, 0)
+        for asked in (False, True) if (topic, True) in readers else (False,):
+            joints = {}
+            if (reader := readers.get((topic, asked))) is not None:
+                values = reader.finish().values
+                columns = (values["position"].T, values["effort"].T)
+                joints = {
+                    name: _joint_contents(position, effort)
+                    for name, position, effort in zip(reader.joints, *columns, strict=True)
+                }
+            contents.append(
+                TopicContents(topic, count, duration, joints, of_array, kinds[topic], asked)
+            )
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
     # The global description, or that of the one namespace that has any.
     texts = set(descriptions.values())
     description = descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
-    return BagContents(path, contents, unreadable, description)
-
-
-def _reader(bag: Bag, topic: str, asked: bool) -> JointMessageReader:
-    """Read all joints of a topic: what was measured, or what a controller was `asked` for."""
-    name = bag.topics[topic]
-    kind = JointMessageType(name, bag.definitions.get(name), reference=asked)
-    return JointMessageReader(topic, kind, [], ["position", "effort"], grows=True)
-
-
-def _joints(reader: JointMessageReader) -> dict[str, JointContents]:
-    values = reader.finish().values
-    return {
-        joint: _joint_contents(values["position"][:, column], values["effort"][:, column])
-        for column, joint in enumerate(reader.joints)
-    }
+    return BagContents(path, tuple(contents), unreadable, description)
 
 
 def _joint_contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
