@@ -68,11 +68,11 @@ class ExcitationCost:
         by_state = by_state.reshape(3, len(start), len(q)).transpose(0, 2, 1)
         states[0] -= limits.middle
         box = np.stack([limits.half_range, limits.velocity, limits.acceleration])
-        cost, by_box = self._penalty(states, box[:, None])
-        value += cost
+        of_box, by_box = self._penalty(states, box[:, None])
+        of_floor, by_height = self._floor_penalty(q)
+        value += of_box
+        value += of_floor
         by_state = by_state + by_box
-        cost, by_height = self._floor_penalty(q)
-        value += cost
         by_state[0] += by_height
         scale = limits.half_range
         gradient = sum(s.T @ g for s, g in zip(self.shapes, by_state, strict=True)) * scale

@@ -59,9 +59,8 @@ class DesignSettings:
 class Design:
     """A motion within all limits, and how good it is."""
 
-    # trajectory, period: All repeats with the sample at the end; one period without it
-    trajectory: Trajectory
-    period: Trajectory
+    trajectory: Trajectory  # All repeats with the sample at the end
+    period: Trajectory  # One of them without it
     before: ConditionNumbers  # Medians over random Fourier motions, scaled to the same limits
     after: ConditionNumbers  # Of this motion
     use: LimitUse  # Over every sample
@@ -88,18 +87,34 @@ def design_excitation(
     """
     began = time.monotonic()
     require_possible(settings, limits, model.robot.joints)
-    search = Search(model, limits, settings, progress or (lambda stage, share: None))
+    report = progress or (lambda stage, share: None)
+    search = _Search(model, limits, settings, report, began + settings.time_limit)
     # The matrices are small: threads of the linear algebra would cost more than they bring.
     with one_thread():
-        random, feasible = search.run(began + settings.time_limit)
+        random = np.random.default_rng(settings.seed)
+        starts = [search.random_start(random) for _ in range(_RANDOM_STARTS)]
+        before = list(filter(None, map(search.feasible, starts)))
+        first = [search.improved(x, (_FIRST,)) for x in starts]
+        first.sort(key=lambda x: replace(search.cost, power=_FIRST[0], weight=_FIRST[1])(x)[0])
+        later = [search.improved(x, _LATER) for x in first[:_KEPT]]
+        report("checking every sample", 1.0)
+        designed = list(filter(None, map(search.feasible, later)))
+        # An unfinished search may have left the limits: those of earlier stages are taken.
+        designed = designed or list(filter(None, map(search.feasible, (*first, *starts))))
+    if not designed:
+        raise DataError(
+            "no motion within the limits was found: try another --seed, a larger --margin, "
+            "a longer --period or a lower --floor"
+        )
     figure = "weighted" if settings.criterion == "condition" else "deviation"
-    best, numbers = min(feasible, key=lambda pair: float(getattr(pair[1], figure)))
+    best, numbers = min(designed, key=lambda pair: float(getattr(pair[1], figure)))
     repeated = (np.vstack([part] * settings.repeats + [part[:1]]) for part in best.signals)
     trajectory = Trajectory(best.joints, best.rate, *repeated)
+    of_random = [astuple(numbers) for _, numbers in before or designed[:1]]
     return Design(
         trajectory=trajectory,
         period=best,
-        before=_median(random),
+        before=ConditionNumbers(*np.median(of_random, axis=0).tolist()),
         after=numbers,
         use=use_within(model.robot, limits, trajectory),
         ended_early=search.ended_early,
@@ -137,8 +152,8 @@ def require_possible(
         require_inside(settings.start, limits, joints)
 
 
-class Search:
-    """Random starts, their improvement, and the scaling to the limits."""
+class _Search:
+    """Random starts, their improvement until a deadline, and the scaling to the limits."""
 
     def __init__(
         self,
@@ -146,21 +161,21 @@ class Search:
         limits: MotionLimits,
         settings: DesignSettings,
         progress: Progress,
+        deadline: float,
     ) -> None:
         self.basis = FourierBasis(settings.period, settings.harmonics)
         frames = moving_frames(model.robot)
         require_reachable(frames, limits)
         self.model, self.limits, self.settings = model, limits, settings
-        self.progress = progress
+        self.progress, self.deadline = progress, deadline
         self.ended_early = False
         points = max(_POINTS, SAMPLES_PER_HARMONIC * settings.harmonics)
-        weights = 1.0 / limits.torque
         self.cost = ExcitationCost(
             model=model,
             limits=limits.narrowed(),
             frames=frames,
             shapes=self.basis.shapes(np.arange(points) * settings.period / points),
-            row_weights=weights,
+            row_weights=1.0 / limits.torque,
             start=settings.start,
             power=1.0,
             weight=1.0,
@@ -169,51 +184,23 @@ class Search:
         self.planned = _RANDOM_STARTS * _FIRST[2] + _KEPT * sum(step[2] for step in _LATER)
         self.done = 0
 
-    def run(
-        self, deadline: float
-    ) -> tuple[list[ConditionNumbers], list[tuple[Trajectory, ConditionNumbers]]]:
-        """Condition numbers of random motions; designed motions with theirs."""
-        random = np.random.default_rng(self.settings.seed)
-        starts = [self._random(random) for _ in range(_RANDOM_STARTS)]
-        before = [self._feasible(x) for x in starts]
-        first = [self._improve(x, (_FIRST,), deadline) for x in starts]
-        first.sort(key=lambda x: replace(self.cost, power=_FIRST[0], weight=_FIRST[1])(x)[0])
-        later = [self._improve(x, _LATER, deadline) for x in first[:_KEPT]]
-        self.progress("checking every sample", 1.0)
-        # An unfinished search may have left the limits: those of earlier stages are taken.
-        feasible = [self._feasible(x) for x in later]
-        if not any(feasible):
-            feasible = [self._feasible(x) for x in (*first, *starts)]
-        kept = [pair for pair in feasible if pair is not None]
-        if not kept:
-            raise DataError(
-                "no motion within the limits was found: try another --seed, a larger --margin, "
-                "a longer --period or a lower --floor"
-            )
-        return [pair[1] for pair in before if pair is not None] or [kept[0][1]], kept
-
-    def _random(self, random: np.random.Generator) -> FloatArray:
+    def random_start(self, random: np.random.Generator) -> FloatArray:
         """Gaussian coefficients, scaled joint by joint to the position and velocity limits."""
-        joints = len(self.limits.lower)
-        start = random.uniform(-0.3, 0.3, joints) * self.limits.margin
+        limits, joints = self.limits, len(self.limits.lower)
+        start = random.uniform(-0.3, 0.3, joints) * limits.margin
         coefficients = random.normal(size=(self.basis.size, joints))
         x = np.concatenate([start, coefficients.ravel()])
         posture, coefficients = self.cost.unpack(x)
         position, velocity, _ = self.cost.shapes @ coefficients
-        room = self.limits.room(posture)
-        scale = np.minimum(
-            room / np.abs(position).max(axis=0),
-            self.limits.margin * self.limits.velocity / np.abs(velocity).max(axis=0),
-        )
-        x[joints:] = (coefficients * scale / self.limits.half_range).ravel()
+        allowed = np.stack([limits.room(posture), limits.margin * limits.velocity])
+        scale = (allowed / np.abs([position, velocity]).max(axis=1)).min(axis=0)
+        x[joints:] = (coefficients * scale / limits.half_range).ravel()
         return x
 
-    def _improve(
-        self, x: FloatArray, steps: tuple[tuple[float, float, int], ...], deadline: float
-    ) -> FloatArray:
+    def improved(self, x: FloatArray, steps: tuple[tuple[float, float, int], ...]) -> FloatArray:
         """Minimise the cost with the power, weight and iterations of one step after another."""
         for power, weight, iterations in steps:
-            if time.monotonic() > deadline:
+            if time.monotonic() > self.deadline:
                 self.ended_early = True
                 return x
             cost = replace(self.cost, power=power, weight=weight)
@@ -222,7 +209,7 @@ class Search:
             def watch(intermediate_result: object) -> None:
                 self.done += 1
                 self.progress("searching", min(self.done / self.planned, 1.0))
-                if time.monotonic() > deadline:
+                if time.monotonic() > self.deadline:
                     self.ended_early = True
                     raise StopIteration
 
@@ -233,14 +220,16 @@ class Search:
             self.done = before + iterations
         return np.asarray(x)
 
-    def _feasible(self, x: FloatArray) -> tuple[Trajectory, ConditionNumbers] | None:
+    def feasible(self, x: FloatArray) -> tuple[Trajectory, ConditionNumbers] | None:
         """Scale a motion about its start posture until every sample keeps every limit."""
-        low, high, motion = 0.0, 1.0, None
-        trial = 1.0
+        rate, robot = self.settings.rate, self.model.robot
+        start, coefficients = self.cost.unpack(x)
+        shapes = self.basis.shapes(np.arange(round(self.settings.period * rate)) / rate)
+        low, high, trial, motion = 0.0, 1.0, 1.0, None
         for _ in range(12):
-            candidate = self._sampled(x, trial)
-            use = limit_use(self.model.robot, self.limits, candidate)
-            if use.within(self.limits):
+            position, velocity, acceleration = trial * (shapes @ coefficients)
+            candidate = Trajectory(robot.joints, rate, position + start, velocity, acceleration)
+            if limit_use(robot, self.limits, candidate).within(self.limits):
                 low, motion = trial, candidate
                 if trial == 1.0:
                     break
@@ -250,15 +239,3 @@ class Search:
         if motion is None:
             return None
         return motion, condition_numbers(self.model, motion, self.limits.torque)
-
-    def _sampled(self, x: FloatArray, scale: float) -> Trajectory:
-        start, coefficients = self.cost.unpack(x)
-        samples = round(self.settings.period * self.settings.rate)
-        shapes = self.basis.shapes(np.arange(samples) / self.settings.rate)
-        motion = scale * (shapes @ coefficients)
-        motion[0] += start
-        return Trajectory(self.model.robot.joints, self.settings.rate, *motion)
-
-
-def _median(numbers: list[ConditionNumbers]) -> ConditionNumbers:
-    return ConditionNumbers(*np.median([astuple(number) for number in numbers], axis=0).tolist())

@@ -69,11 +69,14 @@ class DiagnosisPlanner:
         time = {kind: share * seconds for kind, share in _SHARES.items()}
         repeat = self._repeat(time["repeat"] / 3.0)
         first = [*self._sweeps(time["range_sweep"] / 2.0), *self._creeps(time["creep"])]
-        second = [
-            *self._plateaus(time["plateau"]),
-            *self._reversals(time["reversals"]),
-            self._multisine(time["multisine"]),
+        small = [
+            reversals(len(self.posture), amplitude, frequency, slot, self.rate)
+            for amplitude, frequency in REVERSALS
+            for slot in [max(time["reversals"] / len(REVERSALS), 4.0 / frequency)]
         ]
+        highest, long = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0), time["multisine"]
+        small.append(multisine(highest, MULTISINE_AMPLITUDE, long, self.rate, self.seed))
+        second = [*self._plateaus(time["plateau"]), *map(self._sized, small)]
         named = [replace(repeat, name=f"repeat_{k}") for k in (1, 2, 3)]
         return [named[0], *first, named[1], *second, named[2]]
 
@@ -191,15 +194,6 @@ class DiagnosisPlanner:
 
         return self._fit(make)
 
-    def _reversals(self, seconds: float) -> Iterator[Segment]:
-        for amplitude, frequency in REVERSALS:
-            slot = max(seconds / len(REVERSALS), 4.0 / frequency)
-            yield self._sized(reversals(len(self.posture), amplitude, frequency, slot, self.rate))
-
-    def _multisine(self, seconds: float) -> Segment:
-        highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
-        return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
-
     def _sized(self, plan: Segment) -> Segment:
         """The segment about the posture, made smaller where it would pass a limit."""
 
@@ -270,8 +264,24 @@ def design_diagnosis(
     bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
     configured &= limits.torque_checked or configuration.controller.type == "cascade"
     planner = DiagnosisPlanner(model, limits.narrowed(), posture, bandwidth, rate, seed)
-    trajectory, segments = _fill(planner, duration, report)
+    # The segments with the moves between are to take nearly the duration.
+    seconds, best, total = 0.7 * duration, None, 0.0
+    for trial in range(_TRIALS):
+        report("composing segments", trial / _TRIALS)
+        composed = _compose(planner, planner.plans(seconds))
+        total = composed[0].duration
+        if total <= duration and (best is None or total > best[0].duration):
+            best = composed
+        if 0.97 * duration <= total <= duration:
+            break
+        seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
+    if best is None:
+        raise DataError(
+            f"the segments take {total:.0f} s at least: a longer --duration than {duration:g} s "
+            "is needed"
+        )
     report("checking every sample", 1.0)
+    trajectory, segments = best
     use = use_within(model.robot, limits, trajectory)
     return Diagnosis(trajectory, segments, use, bandwidth, configured)
 
@@ -287,28 +297,6 @@ def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[
     if controller.type == "cascade":
         return gain / (2.0 * np.pi), True
     return np.sqrt(gain / np.maximum(inertia, 1e-9)) / (2.0 * np.pi), True
-
-
-def _fill(
-    planner: DiagnosisPlanner, duration: float, report: Progress
-) -> tuple[Trajectory, tuple[Segment, ...]]:
-    """Size the segments so that they, with the moves between, take nearly `duration` s."""
-    seconds, best = 0.7 * duration, None
-    for trial in range(_TRIALS):
-        report("composing segments", trial / _TRIALS)
-        composed = _compose(planner, planner.plans(seconds))
-        total = composed[0].duration
-        if total <= duration and (best is None or total > best[0].duration):
-            best = composed
-        if 0.97 * duration <= total <= duration:
-            break
-        seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
-    if best is None:
-        raise DataError(
-            f"the segments take {total:.0f} s at least: a longer --duration than {duration:g} s "
-            "is needed"
-        )
-    return best
 
 
 def _posture(model: InverseModel, limits: MotionLimits, start: FloatArray | None) -> FloatArray:
@@ -329,28 +317,23 @@ def _posture(model: InverseModel, limits: MotionLimits, start: FloatArray | None
 def _compose(
     planner: DiagnosisPlanner, plans: list[Segment]
 ) -> tuple[Trajectory, tuple[Segment, ...]]:
-    """Join segments by moves, at rest before and after each, and note where they are."""
+    """Join segments by moves, at rest before and after them, and note where they are."""
     rate, joints = planner.rate, planner.model.robot.joints
-    place = np.zeros(len(joints))
+    place = home = np.zeros(len(joints))
     rest = np.zeros((3, round(_REST * rate), len(joints)))
     parts: list[FloatArray] = []
-    segments, samples = [], 0
-
-    def go(target: FloatArray) -> int:
-        """Move from where the last part ended, and rest; return the samples that it takes."""
-        way = [] if np.all(np.abs(target - place) < 1e-12) else [_move(planner, place, target)]
-        way.append(_moved(rest, target))
-        parts.extend(way)
-        return sum(part.shape[1] for part in way)
-
-    for plan in plans:
-        start = samples + go(plan.offset)
-        parts.append(_moved(plan.shape, plan.offset))
-        place = plan.offset
-        end = start + plan.shape.shape[1]
-        segments.append(replace(plan, start=start / rate, end=end / rate))
-        samples = end + go(place)
-    go(np.zeros(len(joints)))
+    segments: list[Segment] = []
+    for plan in (*plans, None):
+        target = home if plan is None else plan.offset
+        if np.any(np.abs(target - place) >= 1e-12):
+            parts.append(_move(planner, place, target))
+        parts.append(_moved(rest, target))
+        if plan is not None:
+            start = sum(part.shape[1] for part in parts)
+            end = start + plan.shape.shape[1]
+            segments.append(replace(plan, start=start / rate, end=end / rate))
+            parts += [_moved(plan.shape, target), _moved(rest, target)]
+        place = target
     motion = _moved(np.concatenate(parts, axis=1), planner.posture)
     return Trajectory(joints, rate, *motion), tuple(segments)
 

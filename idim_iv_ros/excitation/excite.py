@@ -58,15 +58,10 @@ def excite(
 ) -> Excitation:
     """Design a motion for identification and predict what it shows.
 
-    Parameters
-    ----------
-    torque_noise
-        Standard deviation of the torque noise at each sample, share of the torque limit.
+    - `torque_noise`: standard deviation of the torque noise at each sample, share of the torque
+      limit
 
-    Raises
-    ------
-    UsageError, DataError
-        See `motion_limits`, `design_excitation`, `predict_parameters`.
+    Raises UsageError or DataError: see `motion_limits`, `design_excitation`, `predict_parameters`.
     """
     if not _LEAST_NOISE <= torque_noise < 1.0:
         raise UsageError(
@@ -158,15 +153,13 @@ def servo_motion(
     Reversals show dry friction and dead zone, accelerations armature and delay, and postures away
     from the middle the load that makes torques absolute.
 
-    Returns
-    -------
-    trajectory, highest frequency in Hz, document
+    Returns the trajectory, its highest frequency in Hz, and its figures.
     """
+    settings = {"rate": rate, "seed": seed}
     trajectory = random_motion(
         configuration, duration=_SERVO_SECONDS, rate=rate, seed=seed, limits=limits
     )
     robot = load_model(configuration).robot
     use = limit_use(robot, limits, trajectory)
-    settings = {"rate": rate, "seed": seed}
     document = motion_document("servo", robot.name, trajectory, limits, use, settings)
     return trajectory, _HIGHEST_FREQUENCY, document

@@ -16,7 +16,7 @@ from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.diagnosis import Diagnosis
 from idim_iv_ros.excitation.limits import LimitUse, MotionLimits
-from idim_iv_ros.excitation.segments import NOT_REVEALED, Segment
+from idim_iv_ros.excitation.segments import NOT_REVEALED
 from idim_iv_ros.excitation.trajectory import Trajectory, write_csv
 from idim_iv_ros.files import (
     FILES,
@@ -29,9 +29,8 @@ from idim_iv_ros.files import (
     write_together,
 )
 
-ENDINGS = ("csv", "yaml", "json")
-
 FORMAT = "idim_iv_ros/excitation/1"
+_OF_SEGMENTS = ("name", "kind", "start", "end", "effects", "speed", "amplitude", "frequency")
 
 
 def require_place(out: FilePath, *, force: bool = False) -> None:
@@ -44,7 +43,7 @@ def require_place(out: FilePath, *, force: bool = False) -> None:
     """
     if Path(out).is_dir():
         raise UsageError(f"{out} is a folder; give another --out")
-    require_file_place(_files(out).values(), force=force)
+    require_file_place(_files(out), force=force)
 
 
 def write_motion(
@@ -55,32 +54,25 @@ def write_motion(
     message_rate: float,
     force: bool = False,
 ) -> tuple[Path, ...]:
-    """Write ``STEM.csv``, ``STEM.yaml`` and ``STEM.json``.
+    """Write ``STEM.csv``, ``STEM.yaml`` and ``STEM.json``; return their paths in this order.
 
     - `out`: stem, or one of the files
     - `document`: figures, for JSON
     - `message_rate`: points per second of the JointTrajectory
     - `force`: replace files that this program did not write
 
-    Returns
-    -------
-    tuple of Path
-        The files, in this order.
-
     Raises UsageError: a file cannot be written, or must not be replaced; none is then left behind.
     """
     table, message = io.StringIO(), io.StringIO()
     write_csv(trajectory, table)
     write_joint_trajectory(trajectory, message, rate=message_rate)
-    places = _files(out)
-    texts = {"csv": table.getvalue(), "yaml": message.getvalue()}
-    signed = {places[ending].name: text for ending, text in texts.items()}
-    texts["json"] = json_text({**document, FILES: digests(signed)})
-    paths = {path: texts[ending] for ending, path in places.items()}
+    table_file, message_file, figures = paths = _files(out)
+    texts = {table_file: table.getvalue(), message_file: message.getvalue()}
+    signed = digests({path.name: text for path, text in texts.items()})
     require_replaceable(paths, force=force)
     with refused_if_unwritable(out):
-        write_together(paths)
-    return tuple(paths)
+        write_together({**texts, figures: json_text({**document, FILES: signed})})
+    return paths
 
 
 def write_joint_trajectory(trajectory: Trajectory, file: TextIO, *, rate: float) -> None:
@@ -152,7 +144,11 @@ def diagnosis_document(
         {"rate": diagnosis.trajectory.rate, "seed": seed},
         loop_bandwidth=diagnosis.bandwidth.tolist(),
         loop_bandwidth_known=diagnosis.bandwidth_configured,
-        segments=[_segment(segment) for segment in diagnosis.segments],
+        # s, rad/s (m/s), rad (m), Hz
+        segments=[
+            {name: _plain(getattr(segment, name)) for name in _OF_SEGMENTS}
+            for segment in diagnosis.segments
+        ],
         not_revealed=[
             {"effect": effect, "excitation_needed": needed}
             for effect, needed in NOT_REVEALED.items()
@@ -160,21 +156,15 @@ def diagnosis_document(
     )
 
 
-def _segment(segment: Segment) -> dict[str, object]:
-    """Row of the side table: s, rad/s (m/s), rad (m), Hz."""
-    names = ("name", "kind", "start", "end", "effects", "speed", "amplitude", "frequency")
-    return {name: _plain(getattr(segment, name)) for name in names}
-
-
 def _plain(value: object) -> object:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _files(out: FilePath) -> dict[str, Path]:
-    """Files by their ending, of ``run.csv`` and of ``run`` the same."""
-    out = as_file(out)
-    stem = out.stem if out.suffix.removeprefix(".") in ENDINGS else out.name
-    return {ending: out.with_name(f"{stem}.{ending}") for ending in ENDINGS}
+def _files(out: FilePath) -> tuple[Path, ...]:
+    """CSV, YAML and JSON, of ``run.csv`` and of ``run`` the same."""
+    out, endings = as_file(out), (".csv", ".yaml", ".json")
+    stem = out.stem if out.suffix in endings else out.name
+    return tuple(out.with_name(f"{stem}{ending}") for ending in endings)
 
 
 def _numbers(values: Iterable[float]) -> str:

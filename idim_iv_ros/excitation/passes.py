@@ -28,10 +28,9 @@ class Passes:
     """What a robot is asked for, one after the other; it rests in between."""
 
     limits: MotionLimits  # Of the robot, with speed and acceleration scaled
-    # approach, slow, full: To the start of the motion, through it slowly, and at full speed
-    approach: Trajectory
-    slow: Trajectory
-    full: Trajectory
+    approach: Trajectory  # To the start of the motion
+    slow: Trajectory  # Through it slowly
+    full: Trajectory  # Through it at full speed
 
 
 def plan_passes(
@@ -53,10 +52,7 @@ def plan_passes(
     - `seed`: one seed gives one motion
     - `floor`: height that every moving frame stays above, m in the base frame
 
-    Returns
-    -------
-    InverseModel, MotionLimits, Trajectory
-        The nominal model, the scaled limits, and the motion.
+    Returns the nominal model, the scaled limits, and the motion.
 
     Raises UsageError or DataError: see `motion_limits`, `design_excitation`, `random_motion`.
     """
@@ -110,7 +106,18 @@ def passes_of(
                 f"joint {joint} is at {place:.4g}, outside of its limits {lower:.4g} to "
                 f"{upper:.4g}: move it inside first"
             )
-    approach = _approach(motion, start, limits, approach_speed)
+    # From rest to rest on the straight line in joint space.
+    way = motion.position[0] - start
+    speed, acceleration = approach_speed * limits.velocity, approach_speed * limits.acceleration
+    samples = int(np.ceil(max(_SHORTEST, shortest_quintic(way, speed, acceleration)) * motion.rate))
+    position, slope, curvature = way * quintic(np.linspace(0.0, 1.0, samples + 1)[:, None])
+    seconds = samples / motion.rate
+    approach = replace(
+        motion,
+        position=start + position,
+        velocity=slope / seconds,
+        acceleration=curvature / seconds**2,
+    )
     if limits.floor is not None:
         use = limit_use(model.robot, limits, approach)
         if use.lowest_height < limits.floor:
@@ -123,12 +130,11 @@ def passes_of(
 
 def slowed(motion: Trajectory, share: float) -> Trajectory:
     """Return the same path at a share of its speed, with as many samples."""
-    return Trajectory(
-        motion.joints,
-        motion.rate * share,
-        motion.position,
-        motion.velocity * share,
-        motion.acceleration * share**2,
+    return replace(
+        motion,
+        rate=motion.rate * share,
+        velocity=motion.velocity * share,
+        acceleration=motion.acceleration * share**2,
     )
 
 
@@ -155,20 +161,4 @@ def stop(
         np.clip(places, limits.lower, limits.upper),
         np.where(inside, velocity * share, 0.0),
         np.where(inside, np.broadcast_to(-velocity / duration, places.shape), 0.0),
-    )
-
-
-def _approach(
-    motion: Trajectory, start: FloatArray, limits: MotionLimits, share: float
-) -> Trajectory:
-    """Fifth-order polynomial from rest to rest on the straight line in joint space."""
-    way = motion.position[0] - start
-    seconds = max(
-        _SHORTEST, shortest_quintic(way, share * limits.velocity, share * limits.acceleration)
-    )
-    samples = int(np.ceil(seconds * motion.rate))
-    place, slope, curvature = way * quintic(np.linspace(0.0, 1.0, samples + 1)[:, None])
-    seconds = samples / motion.rate
-    return Trajectory(
-        motion.joints, motion.rate, start + place, slope / seconds, curvature / seconds**2
     )

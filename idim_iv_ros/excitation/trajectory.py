@@ -29,17 +29,11 @@ _SLOWEST, _FASTEST = 1.0, 1e5  # samples per second
 class Trajectory:
     """Positions, velocities and accelerations on a uniform grid that starts at 0 s.
 
-    Attributes
-    ----------
-    joints : tuple of str
-    rate : float
-        Samples per second.
-    position, velocity, acceleration : (n_samples, n_joints)
-        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
+    (n_samples, n_joints) each, rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
     """
 
     joints: tuple[str, ...]
-    rate: float
+    rate: float  # Samples per second
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
@@ -57,10 +51,7 @@ class Trajectory:
     def in_order(self, joints: Sequence[str]) -> "Trajectory":
         """Return the same motion with its columns in the order of a robot's joints.
 
-        Raises
-        ------
-        UsageError
-            The robot has other joints.
+        Raises UsageError: the robot has other joints.
         """
         if set(self.joints) != set(joints):
             raise UsageError(
@@ -134,37 +125,10 @@ def read_trajectory(path: FilePath) -> Trajectory:
     Columns may be in any order; others are ignored. Velocities and accelerations that are
     missing are central differences of what is there, second order at the ends too.
 
-    Raises
-    ------
-    UsageError
-        Unreadable file, missing columns, a cell that is not a finite number, fewer than three
-        samples, or stamps that are not uniform. The message is one line and names the file.
+    Raises UsageError: unreadable file, missing columns, a cell that is not a finite number, fewer
+    than three samples, or stamps that are not uniform. The message is one line and names the file.
     """
     path = Path(path)
-    columns = _read_columns(path)
-    joints = tuple(name[: -len(".position")] for name in columns if name.endswith(".position"))
-    if "time" not in columns or not joints:
-        raise UsageError(f"{path}: the columns time and <joint>.position are needed")
-    samples = len(columns["time"])
-    if samples < 3:
-        raise UsageError(f"{path}: {samples} samples; at least 3 are needed")
-    rate = _rate(path, columns["time"])
-    position = np.column_stack([columns[f"{joint}.position"] for joint in joints])
-    velocity = _derivative(path, columns, joints, "velocity", position, rate)
-    acceleration = _derivative(path, columns, joints, "acceleration", velocity, rate)
-    return Trajectory(joints, rate, position, velocity, acceleration)
-
-
-def write_csv(trajectory: Trajectory, file: TextIO) -> None:
-    """Write every sample; what `read_trajectory` reads, to ten digits."""
-    names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
-    csv.writer(file, lineterminator="\n").writerow(["time", *names])
-    table = np.column_stack([trajectory.time, *trajectory.signals])
-    np.savetxt(file, table, fmt="%.10g", delimiter=",")
-
-
-def _read_columns(path: Path) -> dict[str, FloatArray]:
-    """Time and signals (n_samples,) by the names of their columns."""
     if not is_file(path):
         raise UsageError(f"{path}: cannot read the trajectory: no such file")
     try:
@@ -179,7 +143,35 @@ def _read_columns(path: Path) -> dict[str, FloatArray]:
         if not np.isfinite(column).all():
             sample = 1 + int(np.argmin(np.isfinite(column)))
             raise UsageError(f"{path}: {name} of sample {sample} is not a finite number")
-    return columns
+    joints = tuple(name[: -len(".position")] for name in columns if name.endswith(".position"))
+    if "time" not in columns or not joints:
+        raise UsageError(f"{path}: the columns time and <joint>.position are needed")
+    samples = len(columns["time"])
+    if samples < 3:
+        raise UsageError(f"{path}: {samples} samples; at least 3 are needed")
+    rate = _rate(path, columns["time"])
+    motion = [np.column_stack([columns[f"{joint}.position"] for joint in joints])]
+    for signal in SIGNALS[1:]:
+        names = [f"{joint}.{signal}" for joint in joints]
+        present = [name for name in names if name in columns]
+        if not present:
+            motion.append(np.gradient(motion[-1], 1.0 / rate, axis=0, edge_order=2))
+        elif len(present) == len(names):
+            motion.append(np.column_stack([columns[name] for name in names]))
+        else:
+            missing = next(name for name in names if name not in columns)
+            raise UsageError(
+                f"{path}: {present[0]} is there, {missing} is missing; give all or none"
+            )
+    return Trajectory(joints, rate, *motion)
+
+
+def write_csv(trajectory: Trajectory, file: TextIO) -> None:
+    """Write every sample; what `read_trajectory` reads, to ten digits."""
+    names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
+    csv.writer(file, lineterminator="\n").writerow(["time", *names])
+    table = np.column_stack([trajectory.time, *trajectory.signals])
+    np.savetxt(file, table, fmt="%.10g", delimiter=",")
 
 
 def _rate(path: Path, time: FloatArray) -> float:
@@ -196,21 +188,3 @@ def _rate(path: Path, time: FloatArray) -> float:
     rate = float(np.round(1.0 / max(step, _SHORTEST_STEP), 6))
     require_sampling(rate, step * len(steps), f"{path}: the trajectory")
     return rate
-
-
-def _derivative(
-    path: Path,
-    columns: dict[str, FloatArray],
-    joints: Sequence[str],
-    signal: str,
-    integral: FloatArray,
-    rate: float,
-) -> FloatArray:
-    names = [f"{joint}.{signal}" for joint in joints]
-    present = [name for name in names if name in columns]
-    if not present:
-        return np.asarray(np.gradient(integral, 1.0 / rate, axis=0, edge_order=2))
-    if len(present) < len(names):
-        missing = next(name for name in names if name not in columns)
-        raise UsageError(f"{path}: {present[0]} is there, {missing} is missing; give all or none")
-    return np.column_stack([columns[name] for name in names])

@@ -37,24 +37,15 @@ def identify_servos(
 ) -> ServoResult:
     """Identify the servos of a robot from commands and positions.
 
-    Parameters
-    ----------
-    bags
-        Recordings of one robot, used together.
-    configuration
-        With `signals.effort` ``none`` and the topic of the commands as `signals.reference`.
-    gains
-        The servos' setting in each recording, in any unit, where it differs; stiffness and ratios
-        are those of the first.
-    model_error
-        Standard deviation of the nominal rigid-body torques, as a share of them.
+    - `bags`: recordings of one robot, used together
+    - `configuration`: with `signals.effort` ``none`` and the topic of the commands as
+      `signals.reference`
+    - `gains`: the servos' setting in each recording, in any unit, where it differs; stiffness and
+      ratios are those of the first
+    - `model_error`: standard deviation of the nominal rigid-body torques, as a share of them
 
-    Raises
-    ------
-    UsageError
-        The configuration is wrong, or has efforts or no reference.
-    DataError
-        The recordings cannot support the answer.
+    Raises UsageError: the configuration is wrong, or has efforts or no reference; DataError: the
+    recordings cannot support the answer.
     """
     source = configuration.source or "the configuration"
     if configuration.signals.effort_topic is not None:

@@ -49,30 +49,17 @@ _ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "consta
 
 @dataclass(frozen=True)
 class Exported:
-    """Paths of the files written by an export, and notes for the user.
+    """Paths of the files written by an export, and notes for the user."""
 
-    Attributes
-    ----------
-    urdf, mjcf, effects, isaac_lab, changes : Path
-        Where the nominal model is an MJCF, `urdf` and `isaac_lab` are None.
-    ranges : Path or None
-        Module that samples randomized MuJoCo models, if requested.
-    not_native : tuple of str
-        Effects that MuJoCo has no element for.
-    notes : tuple of str
-    bags : tuple of str
-        Names of the recordings that the result is from.
-    """
-
-    urdf: Path | None
+    urdf: Path | None  # None where the nominal model is an MJCF, as `isaac_lab`
     mjcf: Path
     effects: Path
     isaac_lab: Path | None
     changes: Path
-    ranges: Path | None
-    not_native: tuple[str, ...]
+    ranges: Path | None  # Module that samples randomized MuJoCo models, if requested
+    not_native: tuple[str, ...]  # Effects that MuJoCo has no element for
     notes: tuple[str, ...]
-    bags: tuple[str, ...]
+    bags: tuple[str, ...]  # Names of the recordings that the result is from
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -100,30 +87,18 @@ def export(
     All files are written or none; none replaces a file that was read. An MJCF as nominal model is
     copied with other values in it.
 
-    Parameters
-    ----------
-    result
-        A result.json or gap.json.
-    configuration
-        Configuration of the robot, with the URDF or MJCF that the result was made with.
-    out
-        Folder; created if it does not exist.
-    force
-        Replace files there that an export did not write.
-    refit
-        Use the physical parameters of a diagnosis, which include what no cause explains.
-    without
-        Causes that are left out: names of effects, or ``effect@joint``.
-    remainder
-        Spread the parameter error that no cause explains over links and joints.
-    randomize
-        As `remainder`; also write a module that samples robots consistent with the recording.
+    - `result`: a result.json or gap.json
+    - `configuration`: of the robot, with the URDF or MJCF that the result was made with
+    - `out`: folder; created if it does not exist
+    - `force`: replace files there that an export did not write
+    - `refit`: use the physical parameters of a diagnosis, which include what no cause explains
+    - `without`: causes that are left out: names of effects, or ``effect@joint``
+    - `remainder`: spread the parameter error that no cause explains over links and joints
+    - `randomize`: as `remainder`; also write a module that samples robots consistent with the
+      recording
 
-    Raises
-    ------
-    UsageError
-        The result is not of this robot and URDF, holds an effect that this version does not know,
-        or not the cause that is left out; the files cannot be written.
+    Raises UsageError: the result is not of this robot and URDF, holds an effect that this version
+    does not know, or not the cause that is left out; the files cannot be written.
     """
     path, out = Path(result), Path(out)
     source = configuration.robot.description

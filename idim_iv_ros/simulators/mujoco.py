@@ -1,15 +1,5 @@
 """Effects of a diagnosis in MuJoCo: what MJCF cannot express, added at every step.
 
-::
-
-    model = model_with_effects("arm.xml", "effects.json")
-    data = mujoco.MjData(model)
-    effects = Effects(model, "effects.json")
-    while running:
-        data.ctrl[:] = control(effects.position(data))
-        effects.apply(model, data)
-        mujoco.mj_step(model, data)
-
 The laws, and their times of evaluation, are those of `simulation.effect_kernel`: torques that
 oppose motion become dry friction and damping of the step, which MuJoCo solves together with
 contacts and limits, and all others become an applied force.

@@ -86,23 +86,15 @@ def replay_bags(
     is that of the recording. The robot starts where the recording does. Recordings that `effects`
     were found on are left out where there are others.
 
-    Parameters
-    ----------
-    model
-        ``urdf``: a MuJoCo model is made from the nominal model of the configuration, with the base
-        parameters of `effects` where these are given. Else an MJCF file of the corrected robot.
-    effects
-        A diagnosis (gap.json) or a file of effects.
-    stages
-        Names of the stages to simulate; all available ones by default.
+    - `model`: ``urdf``: a MuJoCo model is made from the nominal model of the configuration, with
+      the base parameters of `effects` where these are given. Else an MJCF file of the corrected
+      robot.
+    - `effects`: a diagnosis (gap.json) or a file of effects
+    - `stages`: names of the stages to simulate; all available ones by default
 
-    Raises
-    ------
-    UsageError
-        MuJoCo is not installed, a file cannot be read or belongs to another robot, an effect is not
-        known, or joints are coupled.
-    DataError
-        The recordings have no references, or the control law is not known.
+    Raises UsageError: MuJoCo is not installed, a file cannot be read or belongs to another robot,
+    an effect is not known, or joints are coupled; DataError: the recordings have no references, or
+    the control law is not known.
     """
     mujoco = load_mujoco("a replay")
     with Stopwatch(progress) as watch:
