@@ -1,12 +1,11 @@
 """Reading of a result to export, with checks that it belongs to the robot."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.result.causes import Cause
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
@@ -22,14 +21,13 @@ from idim_iv_ros.model import (
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL
 from idim_iv_ros.model.urdf_reader import LARGEST
-from idim_iv_ros.physical import PhysicalParameters, StandardValue
+from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.physical.remainder import USUAL_ERROR
 from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulator_files.named import (
     CorrectedModel,
     cause_name,
     corrected_model,
-    kept_causes,
     kind_of,
     numbers_in_words,
     with_remainder,
@@ -66,19 +64,32 @@ def read_answer(
     physical = _require_same_nominal(path, result, model, source)
     gap = result if isinstance(result, GapResult) else None
     if (refit or gap is None) and (without or remainder):
-        whole = "one dense refit" if refit else "an identification"
-        what = f"--remainder: {whole} names no causes, so that nothing remains beside them"
+        dense = "one dense refit" if refit else "an identification"
+        what = f"--remainder: {dense} names no causes, so that nothing remains beside them"
         if without:
-            what = f"--without {', '.join(without)}: {whole} has no causes that could be left out"
+            what = f"--without {', '.join(without)}: {dense} has no causes that could be left out"
         raise UsageError(f"{path}: {what}")
     causes = [] if gap is None else list(gap.causes)
-    _require_effects(path, causes)
-    kept, others = kept_causes(causes, without, str(path))
+    for number, cause in enumerate(causes):
+        if cause.effect not in BY_NAME:
+            raise UsageError(
+                f"{path}: causes.{number}: {cause_name(cause)} is unknown to this version of "
+                "idim_iv_ros"
+            )
+        delay = cause.parameters.get("delay")
+        if delay is not None and delay.value > _LONGEST_DELAY:
+            raise UsageError(f"{path}: causes.{number}: a delay of {delay.value:g} s is no drive's")
+    for name in without:
+        if not any(name in (cause.effect, cause_name(cause)) for cause in causes):
+            names = ", ".join(map(cause_name, causes)) or "none"
+            raise UsageError(
+                f"{path}: names no cause {name} that could be left out; its causes: {names}"
+            )
+    kept = [cause for cause in causes if not {cause.effect, cause_name(cause)} & set(without)]
+    others = [cause for cause in causes if cause not in kept]
     structural = [cause for cause in kept if BY_NAME[cause.effect].kind == "structural"]
-    of_refit = refit or remainder
-    effects = tuple(
-        effect_of_cause(cause, f"{path}: causes", refit=of_refit) for cause in structural
-    )
+    whole, about = refit or remainder, f"{path}: causes"
+    effects = tuple(effect_of_cause(cause, about, refit=whole) for cause in structural)
     contributions_of(effects, model.robot.joints)  # names and numbers as the simulator takes them
     notes = tuple(
         f"{cause_name(cause)} is indistinguishable from "
@@ -91,7 +102,15 @@ def read_answer(
     if gap is not None and not refit:
         make = with_remainder if remainder else corrected_model
         corrected = make(model, kept, others, physical, str(path))
-        notes += _far_links(corrected.parameters, model.robot.joints)
+        masses = [number for number in corrected.parameters if kind_of(number.name) == "M"]
+        notes += tuple(
+            f"the link of {joint} weighs {mass.value:.3g} kg, {mass.given:.3g} in the nominal "
+            f"model: more than three times the usual error of {100.0 * USUAL_ERROR:.0f} %, so that "
+            "an effect that was not found may be in it"
+            for joint, mass in zip(model.robot.joints, masses, strict=True)
+            if mass.source == "recording and nominal model"
+            and abs(mass.value - mass.given) > 3.0 * USUAL_ERROR * mass.given
+        )
         if not np.array_equal(corrected.gravity, given):
             listed = ", ".join(f"{component:.5g}" for component in corrected.gravity)
             tilt = next(c.effect for c in kept if BY_NAME[c.effect].part == "gravity")
@@ -118,19 +137,6 @@ def read_answer(
         ),
         left_out=tuple(map(cause_name, others)),
         remarks=notes,
-    )
-
-
-def _far_links(parameters: Sequence[StandardValue], joints: Sequence[str]) -> tuple[str, ...]:
-    """Return links whose mass differs unusually much from the nominal one."""
-    masses = [parameter for parameter in parameters if kind_of(parameter.name) == "M"]
-    return tuple(
-        f"the link of {joint} weighs {mass.value:.3g} kg, {mass.given:.3g} in the nominal model: "
-        f"more than three times the usual error of {100.0 * USUAL_ERROR:.0f} %, so that an effect "
-        "that was not found may be in it"
-        for joint, mass in zip(joints, masses, strict=True)
-        if mass.source == "recording and nominal model"
-        and abs(mass.value - mass.given) > 3.0 * USUAL_ERROR * mass.given
     )
 
 
@@ -170,16 +176,3 @@ def _require_same_nominal(
                 f"{parameter.unit}, and is {value:.6g} in {source} and its configuration; {again}"
             )
     return physical
-
-
-def _require_effects(path: Path, causes: Sequence[Cause]) -> None:
-    """Refuse effects that this version does not know, and impossible delays."""
-    for number, cause in enumerate(causes):
-        if cause.effect not in BY_NAME:
-            raise UsageError(
-                f"{path}: causes.{number}: {cause_name(cause)} is unknown to this version of "
-                "idim_iv_ros"
-            )
-        delay = cause.parameters.get("delay")
-        if delay is not None and delay.value > _LONGEST_DELAY:
-            raise UsageError(f"{path}: causes.{number}: a delay of {delay.value:g} s is no drive's")

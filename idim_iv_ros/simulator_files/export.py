@@ -160,10 +160,7 @@ def _export_urdf(robot: ExportedRobot, exported: Exported) -> _Written:
     assert exported.urdf is not None and exported.isaac_lab is not None
     native, effects = native_effects(robot.effects, robot.robot, robot.law)
     drives = zip(robot.robot.joints, robot.drives.damping, robot.drives.friction, strict=True)
-    dynamics = {
-        name: {"damping": float(damping), "friction": float(friction)}
-        for name, damping, friction in drives
-    }
+    dynamics = {name: {"damping": float(d), "friction": float(f)} for name, d, f in drives}
     written = with_values(robot.content, robot.links[0], dynamics, robot.mounted, str(robot.source))
     _require_read_back(robot, decoded_urdf(written))
     texts: dict[Path, bytes | str] = {
@@ -243,10 +240,8 @@ def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[
     law = robot.law
     lines = [f"From {robot.origin} by idim_iv_ros; changes.md says what is new and how sure it is."]
     if law.in_actuators:
-        lines.append(
-            "Actuators are the law: ctrl of JOINT is q_ref"
-            + (", of JOINT_velocity dq_ref." if law.velocity_reference else ".")
-        )
+        speed = ", of JOINT_velocity dq_ref" if law.velocity_reference else ""
+        lines.append(f"Actuators are the law: ctrl of JOINT is q_ref{speed}.")
     else:
         lines.append(f"Actuators are motors, ctrl is the torque of the law: {law.words}.")
     missing = [f"{effect.effect} at {effect.joint}" for effect in effects if not effect.native]
