@@ -27,11 +27,12 @@ from idim_iv_ros.servo.fit import (
     Motion,
     Run,
     fit_factor,
+    fit_joint,
+    fit_servos,
     ordinary_least_squares,
 )
 from idim_iv_ros.servo.loop_kernel import Load
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, ratio_numbers
-from idim_iv_ros.servo.robot_fit import fit_joint, fit_servos
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.81

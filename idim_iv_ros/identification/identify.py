@@ -22,8 +22,7 @@ from idim_iv_ros.identification.prepare import (
 from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.identification.validate import validate
 from idim_iv_ros.physical import PhysicalParameters, nearest_physical
-from idim_iv_ros.physical.nearest import TO_INSTALL
-from idim_iv_ros.physical.torque_error import Judge
+from idim_iv_ros.physical.nearest import TO_INSTALL, Judge
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import FloatArray

@@ -15,10 +15,19 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.servo.fit import DriveEstimate, Motion, Run, fit_drive, fit_factor, residuals
+from idim_iv_ros.servo.fit import (
+    LARGEST_ANGLE,
+    DriveEstimate,
+    Motion,
+    Run,
+    fit_drive,
+    fit_factor,
+    fit_servos,
+    present_parameters,
+    residuals,
+)
 from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
-from idim_iv_ros.servo.robot_fit import LARGEST_ANGLE, fit_servos, present_parameters
 from idim_iv_ros.signals.joint_side import joint_transform
 
 _SAME = 0.1  # share by which a gain may differ from the one given and be called the same

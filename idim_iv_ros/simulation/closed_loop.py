@@ -15,7 +15,12 @@ from idim_iv_ros.effects.contribution import (
 from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, central_differences
-from idim_iv_ros.simulation.affected_robot import affected_robot, encoder_error, true_state
+from idim_iv_ros.simulation.affected_robot import (
+    affected_robot,
+    encoder_error,
+    link_positions,
+    true_state,
+)
 from idim_iv_ros.simulation.closed_loop_kernel import (
     COMPLETED,
     SPEED_LIMIT,
@@ -27,7 +32,6 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
 from idim_iv_ros.simulation.effect_kernel import Effects
 from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
-from idim_iv_ros.simulation.shaft import link_positions
 from idim_iv_ros.types import FloatArray
 
 # Longest plant step when the caller gives none, s.
@@ -103,7 +107,7 @@ def simulate_closed_loop(
     - `accelerations`: whether the result holds them: each costs as much as a time step
 
     Raises UsageError: an effect that is not known, or whose parameters cannot be (see `effects`,
-    `shaft`).
+    `affected_robot`).
     """
     position_reference = np.asarray(position_reference, dtype=float)
     joints = position_reference.shape[1]

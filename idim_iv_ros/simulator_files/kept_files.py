@@ -19,8 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model.mjcf import compiled_mjcf, element
-from idim_iv_ros.model.mjcf_ties import native_elements
+from idim_iv_ros.model.mjcf import compiled_mjcf, element, native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
 from idim_iv_ros.simulator_files.mjcf import (
     comment,

@@ -23,8 +23,8 @@ from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads, set_first
+from idim_iv_ros.simulation.affected_robot import completed_shaft, joined_shafts
 from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
-from idim_iv_ros.simulation.shaft import completed_shaft, joined_shafts
 from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.types import FloatArray
 

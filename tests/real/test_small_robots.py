@@ -8,8 +8,7 @@ import pytest
 from benchmarks.servos import sts3215, with_load
 from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.servo.fit import fit_factor
-from idim_iv_ros.servo.robot_fit import fit_joint
+from idim_iv_ros.servo.fit import fit_factor, fit_joint
 from tests.real.conftest import DATA, require_bodies
 from tests.real.recordings import double_pendulum_bag
 
