@@ -112,31 +112,6 @@ def completed_shaft(shaft: ShaftPart, reduced: float) -> tuple[ShaftPart, float]
     return complete, float(np.sqrt(stiffness / reduced))
 
 
-def fastest_shaft(
-    robot: RobotModel,
-    parameters: DynamicParameters,
-    shafts: Mapping[int, ShaftPart],
-    position: FloatArray,
-) -> tuple[dict[int, ShaftPart], float]:
-    """Shafts with the stiffness and damping that were not given, and the largest pulsation, rad/s.
-
-    Pulsations are those of motor against link at `position` (n_joints,), all other joints free.
-    """
-    if not shafts:
-        return {}, 0.0
-    behind = parameters.drive_inertia.copy()
-    behind[list(shafts)] = 0.0
-    mass = mass_matrix(robot, replace(parameters, drive_inertia=behind), position[None])[0]
-    mobility = np.diag(np.linalg.pinv(mass))
-    complete, fastest = {}, 0.0
-    for joint, shaft in shafts.items():
-        link = max(float(mobility[joint]), 0.0)
-        reduced = 1.0 / (1.0 / float(parameters.drive_inertia[joint]) + link)
-        complete[joint], pulsation = completed_shaft(shaft, reduced)
-        fastest = max(fastest, pulsation)
-    return complete, fastest
-
-
 def link_positions(
     robot: RobotModel,
     parameters: DynamicParameters,
@@ -146,9 +121,7 @@ def link_positions(
     """Positions (n_joints,) of the links at rest under gravity behind motors at `position`."""
     zeros = np.zeros_like(parameters.drive_inertia)
     links = replace(parameters, drive_inertia=zeros, offset=zeros)
-    position = np.asarray(position, dtype=float)
-    still = np.zeros((1, len(position)))
-    link = position.copy()
+    still, link = np.zeros((1, len(position))), position.copy()
     for _ in range(30):  # the load bends the shafts, which moves the links and so the load
         load = inverse_dynamics(robot, links, link[None], still, still)[0]
         for joint, shaft in shafts.items():
@@ -183,14 +156,23 @@ def affected_robot(
 
     Raises UsageError: a shaft where the drive inertia is not known (see `split_drives`).
     """
-    shafts = joined_shafts(added.of(ShaftPart))
+    shafts, longest = joined_shafts(added.of(ShaftPart)), np.inf
     parameters = split_drives(robot, parameters, shafts)
-    shafts, pulsation = fastest_shaft(robot, parameters, shafts, position)
+    if shafts:
+        # Pulsations are those of motor against link here, all other joints free.
+        behind = parameters.drive_inertia.copy()
+        behind[list(shafts)] = 0.0
+        links = replace(parameters, drive_inertia=behind)
+        mobility = np.diag(np.linalg.pinv(mass_matrix(robot, links, position[None])[0]))
+    for joint, shaft in shafts.items():
+        of_motor = 1.0 / float(parameters.drive_inertia[joint])
+        reduced = 1.0 / (of_motor + max(float(mobility[joint]), 0.0))
+        shafts[joint], pulsation = completed_shaft(shaft, reduced)
+        longest = min(longest, SHAFT_ANGLE / pulsation)
     base, place = plant(robot, parameters), np.argsort(robot.order)
     friction = parameters.coulomb, parameters.viscous
     changing, effects = affected_plant(base, friction, added, place, shafts, start_time)
-    longest = SHAFT_ANGLE / pulsation if pulsation > 0.0 else np.inf
-    return changing, effects, shafts, float(longest)
+    return changing, effects, shafts, longest
 
 
 def affected_plant(

@@ -28,11 +28,11 @@ SPEED_LIMIT = 1e3
 
 
 class Loop(NamedTuple):
-    """Control law as one PID with feedforward, and the instants of the loop.
+    """Control law as one PID with feedforward, and the instants of the loop, joints in tree order.
 
     kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
     `rate` (Hz); delay, lag : (n,) s; period, plant_step : s; speed_factor : of the filter of
-    differences that the law takes for the speed, 0 for the exact one. Joints in tree order.
+    differences that the law takes for the speed, 0 for the exact one.
     """
 
     kp: FloatArray
@@ -192,14 +192,12 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         trace: Trace,
         work: Workspace,
     ) -> tuple[int, int, int, float]:
-        """Simulate from `state`, which is overwritten.
+        """Simulate from `state`, which is overwritten, until the `time` at which it ended.
 
-        Returns outcome, joint, samples, time: samples are those that were recorded before the time
-        at which it ended.
+        Returns outcome, joint, samples that were recorded before that time, time.
         """
         _ = digest
-        n, ring = loop.kp.shape[0], state.pending.shape[0]
-        samples = trace.position.shape[0]
+        n, ring, samples = loop.kp.shape[0], state.pending.shape[0], trace.position.shape[0]
         tolerance = 1e-9 * min(loop.period, 1.0 / loop.rate)
         # As literals the counts would have two types, and each function that takes them too.
         controls = recorded = int(np.int64(0))

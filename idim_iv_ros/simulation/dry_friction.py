@@ -7,12 +7,9 @@ sign of its speed) or is stuck (mode 0, speed exactly zero). Contacts without fr
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.simulation.plant import Contacts, Plant, Workspace
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # A constraint whose pivot is this small beside its diagonal follows from the others.
 DEPENDENT = 1e-10
@@ -76,11 +73,9 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
 
     `ddq` comes in as the acceleration without the holding torques.
     """
-    contacts = mode.shape[0]
-    for c in range(contacts):
-        work.holding[c] = 0.0
     count = 0
-    for c in range(contacts):
+    for c in range(mode.shape[0]):
+        work.holding[c] = 0.0
         if mode[c] != 0 or plant.level[c] <= 0.0:
             continue
         row = work.response[count]
@@ -145,7 +140,7 @@ def _share(plant: Plant, mode: IntArray, holding: FloatArray) -> None:
 
 @kernel
 def accelerate(
-    plant: Plant, resting: NDArray[np.bool_], mode: IntArray, work: Workspace, ddq: FloatArray
+    plant: Plant, resting: BoolArray, mode: IntArray, work: Workspace, ddq: FloatArray
 ) -> None:
     """Accelerations with dry friction; decides which resting contacts stay stuck.
 
@@ -162,11 +157,9 @@ def accelerate(
         for i in range(n):
             ddq[i] = work.load[i]
         for c in range(contacts):
-            if plant.level[c] > 0.0:
-                if mode[c] != 0:
-                    push(plant.contacts, c, -mode[c] * plant.level[c], ddq)
-                else:
-                    stuck = True
+            if plant.level[c] > 0.0 and mode[c] != 0:
+                push(plant.contacts, c, -mode[c] * plant.level[c], ddq)
+            stuck = stuck or (plant.level[c] > 0.0 and mode[c] == 0)
         solve(work.factor, ddq)
         if stuck:
             _hold(plant, mode, work, ddq)

@@ -12,14 +12,13 @@ joint sticks and breaks away as under Coulomb friction; stiff terms enter the st
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import dispatcher, kernel
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load, Torque
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.plant import Plant
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Dry friction of a joint whose effects leave none at this instant, N m: it can still stick.
 LEAST_LEVEL = 1e-9
@@ -53,23 +52,20 @@ class Effects(NamedTuple):
     level: FloatArray
     damping: FloatArray  # (N, N): viscous friction without effects
     model_level: FloatArray  # (n_contacts,): dry friction of the model, all of it
-    dry: NDArray[np.bool_]  # (n_contacts,): joints and couplings with dry friction at any time
-    dissipative: NDArray[np.bool_]  # (n,): joints whose friction is kept from driving
+    dry: BoolArray  # (n_contacts,): joints and couplings with dry friction at any time
+    dissipative: BoolArray  # (n,): joints whose friction is kept from driving
     start_time: float  # s since the start of the session
-    link: IntArray  # (n,): coordinate of each link
+    link: IntArray  # (n,): coordinates of the links
     shaft_joint: IntArray  # (N - n,)
-    shaft: FloatArray  # (N - n, 3): gap, stiffness and damping of each
-    # force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured:
-    # Written by compiled code. load, static, inertial (n,): torque of the links, the same without
-    # accelerations, and of the drives' inertia.
-    force: FloatArray
+    shaft: FloatArray  # (N - n, 3): gap, stiffness and damping
+    force: FloatArray  # (N,): written by compiled code, as all that follow
     stiffness: FloatArray
-    link_q: FloatArray
+    link_q: FloatArray  # (n,), as the next five
     link_speed: FloatArray
     rest: FloatArray
-    load: FloatArray
-    static: FloatArray
-    inertial: FloatArray
+    load: FloatArray  # torque of the links
+    static: FloatArray  # the same without accelerations
+    inertial: FloatArray  # torque of the drives' inertia
     rigid_mass: FloatArray
     measured: FloatArray
 
@@ -178,7 +174,7 @@ def effect_torques(
     for c in range(effects.level.shape[0]):
         if effects.dry[c]:
             plant.level[c] = max(plant.level[c], LEAST_LEVEL)
-    for i in range(effects.link.shape[0]):
+    for i in range(n):
         if effects.dissipative[i]:
             bound = -max(plant.level[i], 0.0) / max(abs(speed[i]), LEAST_SPEED)
             plant.damping[i, i] = max(plant.damping[i, i], bound)
@@ -224,10 +220,10 @@ def _twist(plant: Plant, effects: Effects, k: int, q: FloatArray, dq: FloatArray
         twist -= side * half
         if side * twist <= 0.0 or side * (stiffness * twist + damping * rate) <= 0.0:
             return
-    torque = stiffness * twist
-    effects.force[motor] += torque
-    effects.force[link] -= torque
-    for row, column, sign in ((motor, motor, 1.0), (link, link, 1.0), (motor, link, -1.0),
-                              (link, motor, -1.0)):  # fmt: skip
-        effects.stiffness[row, column] += sign * stiffness
-        plant.damping[row, column] += sign * damping
+    effects.force[motor] += stiffness * twist
+    effects.force[link] -= stiffness * twist
+    for row in (motor, link):
+        for column in (motor, link):
+            sign = 1.0 if row == column else -1.0
+            effects.stiffness[row, column] += sign * stiffness
+            plant.damping[row, column] += sign * damping

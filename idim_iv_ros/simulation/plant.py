@@ -3,11 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.model.link_motion import LinkFrames, LinkMotion, empty_motion, link_frames
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 
 class Contacts(NamedTuple):
@@ -68,7 +67,7 @@ class State(NamedTuple):
     whole: IntArray  # delay in whole control periods
     arrivals: IntArray  # commands that have arrived
     pending: FloatArray  # (ring, n): commands on their way
-    resting: NDArray[np.bool_]  # (n_contacts,): see `dry_friction`, as the next two
+    resting: BoolArray  # (n_contacts,): see `dry_friction`, as the next two
     mode: IntArray
     spare_mode: IntArray
 

@@ -6,9 +6,6 @@ speed that would change its sign ends the step where it crosses zero; the contac
 and the remainder of the step is integrated anew.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
@@ -20,7 +17,7 @@ from idim_iv_ros.simulation.effect_kernel import (
 )
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Slip speeds that cross zero within this fraction of a step cross together.
 TOGETHER = 1e-9
@@ -68,10 +65,9 @@ def prepare(
     composite_rigid_body(plant, work, effects.rigid_mass)
     for i in range(n):
         effects.static[i] = effects.load[i] = work.bias[i]
-        for j in range(n):
-            effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
         effects.inertial[i] = 0.0
         for j in range(n):
+            effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
             effects.inertial[i] += plant.drive_inertia[i, j] * ddq[j]
     effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
     for i in range(q.shape[0]):
@@ -87,8 +83,8 @@ def prepare(
         work.load[effects.link[i]] -= work.bias[i]
         for j in range(n):
             work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
-    factorised: bool = factorise(work.mass, work.factor)
-    return factorised
+    positive = factorise(work.mass, work.factor)
+    return positive
 
 
 @kernel
@@ -102,8 +98,7 @@ def advance(
     """
     q, dq, ddq, torque, mode = state.q, state.dq, state.ddq, state.acting, state.mode
     middle, predicted = state.middle, state.predicted
-    n, contacts = q.shape[0], mode.shape[0]
-    left = step
+    n, contacts, left = q.shape[0], mode.shape[0], step
     attempts = contacts + 4
     for attempt in range(attempts):
         for i in range(n):
@@ -160,7 +155,7 @@ def _first_crossing(plant: Plant, state: State, step: float, crossing: FloatArra
 
 
 @kernel
-def _stop(plant: Plant, resting: NDArray[np.bool_], dq: FloatArray) -> None:
+def _stop(plant: Plant, resting: BoolArray, dq: FloatArray) -> None:
     """Make the slip speeds at rest exactly zero."""
     n = dq.shape[0]
     for c in range(n):

@@ -346,9 +346,7 @@ def _stages(
         raise UsageError(prepared.why_no_given)
     stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
     effects, parameters = extended.effects, extended.base_parameters
-    contributions_of(
-        effects, robot.joints
-    )  # refuses what is not known before anything is simulated
+    contributions_of(effects, robot.joints)  # refuses, before anything is simulated
     if str(model) != URDF:
         path = Path(model)
         stage = xml_stage(mujoco, robot, path, parameters)
@@ -406,15 +404,15 @@ class _Comparison:
     motions: Sequence[Motion]
 
     @cached_property
-    def recorded(self) -> _Motions:
-        torques = [motion.filtered(motion.signals.torque) for motion in self.motions]
-        return _Motions([motion.position for motion in self.motions], torques)
+    def torques(self) -> list[FloatArray]:
+        """Filtered torques of the recordings."""
+        return [motion.filtered(motion.signals.torque) for motion in self.motions]
 
     @cached_property
     def noise(self) -> list[FloatArray]:
         """RMS (n_joints,) of the noise that the filter removes: rad (m), and N m (N)."""
         positions, torques = [], []
-        for motion, torque in zip(self.motions, self.recorded.torques, strict=True):
+        for motion, torque in zip(self.motions, self.torques, strict=True):
             positions.append((motion.signals.position - motion.position)[motion.span])
             torques.append((motion.signals.torque - torque)[motion.span])
         kinds = (positions, torques)
@@ -424,23 +422,20 @@ class _Comparison:
         """Errors of one stage; without numbers if its simulation failed."""
         if ran.note:
             return ReplayStage(model.name, model.words, None, None, None, ran.note)
-        joints, recorded, tree = self.robot.joints, self.recorded, self.robot.pinocchio
+        joints, tree = self.robot.joints, self.robot.pinocchio
         data, last = tree.createData(), tree.njoints - 1
         centre = np.array(tree.inertias[last].lever)
 
-        def places(positions: FloatArray) -> FloatArray:
-            """Places (n_samples, 3) of the centre of the last link, m."""
-            where = np.empty((len(positions), 3))
-            for row, position in enumerate(positions):
-                pin.forwardKinematics(tree, data, position)
-                where[row] = data.oMi[last].act(centre)
-            return where
+        def place(position: FloatArray) -> FloatArray:
+            pin.forwardKinematics(tree, data, position)
+            return np.array(data.oMi[last].act(centre))
 
-        positions = list(zip(ran.positions, recorded.positions, strict=True))
-        tracking = [one - other for one, other in positions]
-        torque = [one - other for one, other in zip(ran.torques, recorded.torques, strict=True)]
-        apart = [places(one) - places(other) for one, other in positions]
-        tool = [np.linalg.norm(rows, axis=1, keepdims=True) for rows in apart]
+        tracking, tool = [], []
+        for simulated, motion in zip(ran.positions, self.motions, strict=True):
+            tracking.append(simulated - motion.position)
+            apart = [place(q) - place(p) for q, p in zip(simulated, motion.position, strict=True)]
+            tool.append(np.linalg.norm(apart, axis=1, keepdims=True))
+        torque = [one - other for one, other in zip(ran.torques, self.torques, strict=True)]
         return ReplayStage(
             model.name,
             model.words,
@@ -481,7 +476,7 @@ class _Comparison:
                 time=np.arange(len(reference))[thin] / motion.signals.rate,
                 error=(reference - motion.position)[thin, j],
                 errors={name: error[thin, j] for name, error in errors.items()},
-                torque=self.recorded.torques[0][thin, j],
+                torque=self.torques[0][thin, j],
                 torques={name: stage.torques[0][thin, j] for name, stage in stages.items()},
             )
             for j, joint in enumerate(self.robot.joints)
