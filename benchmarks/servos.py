@@ -31,8 +31,8 @@ from idim_iv_ros.servo.fit import (
     fit_servos,
     ordinary_least_squares,
 )
+from idim_iv_ros.servo.identify import absolute_numbers, interval_width, ratio_numbers
 from idim_iv_ros.servo.loop_kernel import Load
-from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, ratio_numbers
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.81

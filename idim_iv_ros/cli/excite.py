@@ -135,7 +135,7 @@ def _print_excitation(
     console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
     """Print condition numbers, limits used, and the parameters that stay badly excited."""
-    from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
+    from idim_iv_ros.excitation.design import BAD_DEVIATION, BAD_SHARE
 
     design = excitation.design
     console.print(

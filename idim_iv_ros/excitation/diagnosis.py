@@ -107,9 +107,11 @@ class DiagnosisPlanner:
         allowed = 0.5 * self.limits.margin * self.limits.acceleration
         return max(_SHORTEST_RAMP, float(np.max(1.5 * np.abs(speed) / allowed)))
 
-    def _pattern(self, alternate: bool) -> FloatArray:
-        joints = len(self.posture)
-        return np.where(np.arange(joints) % 2 == 1, -1.0, 1.0) if alternate else np.ones(joints)
+    @property
+    def _patterns(self) -> tuple[FloatArray, FloatArray]:
+        """Directions (n_joints,) of joints together, and against each other."""
+        together = np.ones(len(self.posture))
+        return together, np.where(np.arange(len(together)) % 2 == 1, -1.0, 1.0)
 
     def _repeat(self, seconds: float) -> Segment:
         def make(size: float) -> Segment:
@@ -129,52 +131,44 @@ class DiagnosisPlanner:
         """The whole range, all joints in the same direction and in opposite ones."""
         ramp = self._ramp(self.limits.velocity)
         plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
-        for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
-            if alternate and len(self.posture) == 1:
-                return
-            reach = self._pattern(alternate) * self.limits.reach
+        names = ("range_sweep_same_direction", "range_sweep_opposite_directions")
+        for name, pattern in zip(names[: len(self.posture)], self._patterns, strict=False):
+            reach = pattern * self.limits.reach
 
             def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
                 speed = 2.0 * size * reach / (plateau + ramp)
                 low = size * (self.limits.middle - self.posture - reach)
                 shape = there_and_back(speed, plateau, ramp, self.rate)
-                return Segment(f"range_sweep_{name}", "range_sweep", low, shape, speed=speed)
+                return Segment(name, "range_sweep", low, shape, speed=speed)
 
             yield self._fit(make)
 
     def _creeps(self, seconds: float) -> Iterator[Segment]:
-        slot = seconds / len(CREEP_SHARES) / 2.0
-        room = self.limits.room(self.posture)
+        slot, room = seconds / len(CREEP_SHARES) / 2.0, self.limits.room(self.posture)
         for number, share in enumerate(CREEP_SHARES, start=1):
             speed = share * self.limits.velocity
-            yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
+            yield self._plateau(f"creep_{number}", self.posture, room, speed, slot)
 
     def _plateaus(self, seconds: float) -> Iterator[Segment]:
         """Constant speeds at two postures, the fastest first: the way of slower ones is shorter."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
-        shift = 0.4 * self.limits.room(self.posture) * self._pattern(True)
+        shift = 0.4 * self.limits.room(self.posture) * self._patterns[1]
         fastest = self.limits.margin * self.limits.velocity
         shortest = _SHORTEST_PLATEAU + self._ramp(fastest)
-        for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
+        for place, pattern in enumerate(self._patterns, start=1):
             centre = self.posture + (place - 1) * shift
             room = self.limits.room(centre)
             # Where the range is too short for a plateau at full speed, slower.
             speed = pattern * np.minimum(fastest, 2.0 * room / shortest)
             for number, share in enumerate(PLATEAU_SHARES, start=1):
                 name = f"plateau_{number}_posture_{place}"
-                plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
+                plan = self._plateau(name, centre, room, share * speed, slot)
                 if plan.speed is not None and number == 1:
                     speed, room = plan.speed, 0.5 * np.abs(plan.shape[0]).max(axis=0)
                 yield plan
 
     def _plateau(
-        self,
-        name: str,
-        kind: str,
-        centre: FloatArray,
-        room: FloatArray,
-        fastest: FloatArray,
-        slot: float,
+        self, name: str, centre: FloatArray, room: FloatArray, fastest: FloatArray, slot: float
     ) -> Segment:
         """Constant speed forth and back through `centre` (n_joints,), within `slot` s.
 
@@ -190,7 +184,7 @@ class DiagnosisPlanner:
             plateau = max(min(slot - 2.0 * ramp, longest), _SHORTEST_PLATEAU)
             offset = centre - self.posture - 0.5 * speed * (plateau + ramp)
             shape = there_and_back(speed, plateau, ramp, self.rate)
-            return Segment(name, kind, offset, shape, speed=speed)
+            return Segment(name, name.partition("_")[0], offset, shape, speed=speed)
 
         return self._fit(make)
 

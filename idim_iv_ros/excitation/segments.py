@@ -46,14 +46,11 @@ class Segment:
     kind: str
     offset: FloatArray  # (n_joints,): where it starts, relative to the base posture, rad (m)
     shape: FloatArray  # (3, n_samples, n_joints): position, velocity, acceleration from its start
-    # (n_joints,) or None: constant speeds of the way there, rad/s (m/s); the way back has the
-    # opposite
-    speed: FloatArray | None = None
-    amplitude: FloatArray | None = None  # (n_joints,) or None: largest deviation, rad (m)
-    frequency: tuple[float, float] | None = None  # (lowest, highest) Hz or None
-    # start, end: s; its place in the motion, once it has one
-    start: float = 0.0
-    end: float = 0.0
+    speed: FloatArray | None = None  # (n_joints,): constant, of the way there, rad/s (m/s)
+    amplitude: FloatArray | None = None  # (n_joints,): largest deviation, rad (m)
+    frequency: tuple[float, float] | None = None  # (lowest, highest) Hz
+    start: float = 0.0  # s, in the motion, once it has a place there
+    end: float = 0.0  # s
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -128,11 +125,10 @@ def waves(
         acceleration -= a * pulsation**2 * np.sin(pulsation * time + p)
     distance = np.minimum(time, seconds - time)
     window, slope, curvature = quintic(np.clip(distance / fade, 0.0, 1.0))
-    first = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope
-    second = curvature / fade**2
-    velocity_in_window = window * velocity + first * position
-    acceleration = window * acceleration + 2.0 * first * velocity + second * position
-    return np.stack([window * position, velocity_in_window, acceleration])
+    first, second = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope, curvature / fade**2
+    faded_velocity = window * velocity + first * position
+    faded_acceleration = window * acceleration + 2.0 * first * velocity + second * position
+    return np.stack([window * position, faded_velocity, faded_acceleration])
 
 
 def reversals(

@@ -2,17 +2,20 @@
 
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration, Section
+from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.encoding import named
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import (
@@ -24,11 +27,10 @@ from idim_iv_ros.files import (
     signed,
     write_together,
 )
-from idim_iv_ros.first_configuration.drivers import SOURCES, DriverPreset, read_driver
-from idim_iv_ros.first_configuration.joints import choose_joints
 from idim_iv_ros.first_configuration.signals import guess_effort_unit, propose_law
 from idim_iv_ros.first_configuration.topics import (
     BagContents,
+    choose_joints,
     choose_states,
     choose_topics,
     read_contents,
@@ -36,9 +38,82 @@ from idim_iv_ros.first_configuration.topics import (
 from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.identification.sanity import joint_findings
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.model.urdf_reader import description_key
+from idim_iv_ros.model.urdf import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.signal_source import NO_EFFORT, topic_of
+from idim_iv_ros.signal_source import NO_EFFORT, field_of, topic_of, with_field
+from idim_iv_ros.validation import first_problem
+
+SOURCES = ("joint_states", "effort", "reference", "link_states")
+
+
+@dataclass(frozen=True)
+class DriverPreset:
+    """Keys that the drivers of one kind of robot have in common."""
+
+    name: str
+    path: Path
+    # By section, as a configuration has them; sources of signals as text
+    keys: Mapping[str, Mapping[str, Any]]
+
+    def sources(self, bags: Sequence[BagContents]) -> tuple[dict[str, str], dict[str, str]]:
+        """Sources of signals that every bag holds, and why the others are left out.
+
+        A robot in a namespace has the same topics below it: ``/left/joint_states``.
+        """
+        sources, reasons = {}, {}
+        # Of topics that every bag has.
+        names = set.intersection(
+            *({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags)
+        )
+        for key in SOURCES:
+            source = self.keys.get("signals", {}).get(key)
+            if source is None:
+                continue
+            wanted, field = topic_of(source), field_of(source)
+            topics = [wanted] if wanted in names else [n for n in names if n.endswith(wanted)]
+            if len(topics) == 1:
+                sources[key] = topics[0] if field is None else with_field(topics[0], field)
+            else:
+                reasons[key] = f"{wanted} of the driver {self.name} is not in the bag"
+        return sources, reasons
+
+
+def driver_files() -> dict[str, Path]:
+    """Files of the drivers that come with this program, by name."""
+    files: dict[str, Path] = {}
+    for parent in Path(__file__).resolve().parents:
+        # In a checkout; installed by pip or colcon.
+        for folder in (parent / "config", parent / "share" / "idim_iv_ros" / "config"):
+            for path in sorted((folder / "drivers").glob("*.yaml")):
+                files.setdefault(path.stem, path)
+        if files:
+            break
+    return files
+
+
+def read_driver(name: str) -> DriverPreset:
+    """Read the file of a driver by its name, or one of the user by its path.
+
+    Raises UsageError: there is none, or it holds what no configuration has.
+    """
+    shipped = driver_files()
+    path = shipped.get(name)
+    if path is None:
+        if not name.endswith((".yaml", ".yml")):
+            listed = ", ".join(shipped) or "none is installed"
+            raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
+        path = Path(name)
+    data = read_mapping(path)
+    if "robot" in data:
+        raise UsageError(f"{path}: a driver says nothing of the robot: leave the key robot out")
+    try:
+        # The robot is another one each time: one joint, so that no list can have a wrong length.
+        whole = Configuration.model_validate({"robot": {"joints": ["joint"]}, **data})
+    except ValidationError as error:
+        raise UsageError(f"{path}: {first_problem(error)}") from error
+    given = whole.model_dump(exclude_unset=True)
+    return DriverPreset(path.stem, path, {k: v for k, v in given.items() if k != "robot"})
+
 
 _WIDTH = 10_000  # no value is broken over lines
 # Sections of a configuration; what only `idim-iv simulate` reads comes last.
@@ -140,7 +215,14 @@ def propose_configuration(
             if (most > 0.0).all() and np.isfinite(most).all():
                 limits = tuple(most.tolist())
             if preset is not None:
-                warnings += _merge(preset, values, reasons, named, missing)
+                _merge(preset, values, reasons, named, missing)
+                stated = values["signals"]["effort_unit"]
+                reasons["signals", "effort_unit"] += f"; of the bag: {why_unit}"
+                if stated != unit and not why_unit.startswith("not"):
+                    warnings += (
+                        f"efforts of the driver {preset.name} are in {stated}, but those of the "
+                        f"bag look like {unit}: {why_unit}",
+                    )
             if values["signals"]["effort_unit"] != "N m":
                 warnings, limits = (*warnings, _UNIT_WARNING), ()
     return Proposal(
@@ -161,9 +243,8 @@ def _merge(
     reasons: dict[tuple[str, str], str],
     named: Mapping[str, str],
     missing: Mapping[str, str],
-) -> tuple[str, ...]:
-    """Put the keys of a driver over those of the bag, and warn of what contradicts them."""
-    guessed, why = values["signals"]["effort_unit"], reasons["signals", "effort_unit"]
+) -> None:
+    """Put the keys of a driver over those of the bag, with their reasons."""
     for section, keys in preset.keys.items():
         for key, value in keys.items():
             if (section, key) not in {("signals", source) for source in SOURCES}:
@@ -176,14 +257,6 @@ def _merge(
     for key, reason in missing.items():
         before = reasons.get(("signals", key), "")
         reasons["signals", key] = f"{before}; {reason}" if before else reason
-    unit = values["signals"]["effort_unit"]
-    reasons["signals", "effort_unit"] += f"; of the bag: {why}"
-    if unit == guessed or why.startswith("not"):
-        return ()
-    return (
-        f"efforts of the driver {preset.name} are in {unit}, but those of the bag look like "
-        f"{guessed}: {why}",
-    )
 
 
 _UNIT_WARNING = (

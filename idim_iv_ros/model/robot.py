@@ -10,8 +10,14 @@ import pinocchio as pin
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import joint_motion
 from idim_iv_ros.model.parameters import DynamicParameters, JointType
-from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, judge_urdf, quoted, refuse
-from idim_iv_ros.model.urdf_reader import read_urdf_text
+from idim_iv_ros.model.urdf import (
+    MOVABLE,
+    Urdf,
+    judge_urdf,
+    quoted,
+    read_urdf_text,
+    refuse,
+)
 from idim_iv_ros.types import FloatArray, IntArray
 
 _DIGITS = 9  # of lengths in m and of directions; what is rounded beyond is the same robot
@@ -94,6 +100,14 @@ def load_robot(
     model, tree = _kinematic_tree(description, joints)
     model.gravity.linear = np.asarray(gravity, dtype=float)
     elements = [description.joints[joint] for joint in joints]
+    limits = np.tile([[-np.inf], [np.inf], [np.inf], [np.inf]], len(elements))
+    for joint, column in zip(elements, limits.T, strict=True):
+        # URDF: lower and upper are 0 when left out.
+        lower, upper = joint.limits.get("lower", 0.0), joint.limits.get("upper", 0.0)
+        if joint.type != "continuous" and lower < upper:
+            column[:2] = lower, upper
+        column[2:] = [joint.limits.get(key, np.inf) for key in ("velocity", "effort")]
+    limits[np.abs(limits) >= _NO_LIMIT] *= np.inf
     given = DynamicParameters.zero(len(joints), couplings)
     order = np.array([list(joints).index(joint) for joint in tree], dtype=np.int64)
     given.inertial[order] = [body.toDynamicParameters() for body in model.inertias[1:]]
@@ -104,18 +118,18 @@ def load_robot(
     above = {joint.child: joint for joint in description.joints.values()}
     carriers: list[str] = []
     for carried in elements:
-        joint = above.get(carried.parent)
-        while joint is not None:
-            if joint.type in MOVABLE and joint.name not in (*joints, *carriers):
-                carriers.append(joint.name)
-            joint = above.get(joint.parent)
+        carrier = above.get(carried.parent)
+        while carrier is not None:
+            if carrier.type in MOVABLE and carrier.name not in (*joints, *carriers):
+                carriers.append(carrier.name)
+            carrier = above.get(carrier.parent)
     return RobotModel(
         name=name or description.name or "robot",
         joints=tuple(joints),
         joint_types=types,
         pinocchio=model,
         order=order,
-        limits=_limits(elements),
+        limits=JointLimits(*limits),
         given=given,
         doubts=tuple(f"{source}: {doubt}" for doubt in doubts),
         armature_given=armature is not None or description.from_mjcf,
@@ -196,20 +210,6 @@ def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[
             body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
             model.appendBodyToJoint(carrier, body, place)
     return model, tree
-
-
-def _limits(elements: Sequence[UrdfJoint]) -> JointLimits:
-    values = np.full((4, len(elements)), np.inf)
-    values[0] = -np.inf
-    for column, joint in enumerate(elements):
-        # URDF: lower and upper are 0 when left out.
-        lower, upper = joint.limits.get("lower", 0.0), joint.limits.get("upper", 0.0)
-        if joint.type != "continuous" and lower < upper:
-            values[:2, column] = lower, upper
-        for row, key in ((2, "velocity"), (3, "effort")):
-            values[row, column] = joint.limits.get(key, np.inf)
-    values[np.abs(values) >= _NO_LIMIT] *= np.inf
-    return JointLimits(*values)
 
 
 def kinematics_digest(robot: RobotModel) -> str:

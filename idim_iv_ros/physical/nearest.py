@@ -156,7 +156,13 @@ def nearest_physical(
     consistent = base.grouping @ standard
     links = _links(robot, base, coordinates, group[shown], values[shown], x)
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
-    sources = _sources(base, shown)
+    # Whether the recording shows standard parameters alone, in a sum, or not at all.
+    rows = base.grouping[shown]
+    vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
+    alone = 1.0 - np.sum(vectors**2, axis=0) < _INDEPENDENT
+    sources: list[Source] = ["recording" if yes else "recording and nominal model" for yes in alone]
+    for k in np.flatnonzero(~np.any(rows, axis=0)):
+        sources[k] = "nominal model"
     active = (
         *(link.joint for link in links if link.active),
         # What a bound holds at zero, of what the recording shows.
@@ -312,19 +318,6 @@ def _standard_deviations(
     gain = np.zeros((len(x), len(matrix)))
     gain[free] = np.linalg.solve(hessian[np.ix_(free, free)], 2.0 * matrix[:, free].T)
     return np.asarray(np.linalg.norm(coordinates.to_standard @ gain, axis=1))
-
-
-def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
-    """Whether the recording shows each standard parameter alone, in a sum, or not at all."""
-    rows = base.grouping[shown]
-    vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
-    alone = 1.0 - np.sum(vectors**2, axis=0) < _INDEPENDENT
-    return [
-        "nominal model"
-        if not np.any(rows[:, k])
-        else ("recording" if shown_alone else "recording and nominal model")
-        for k, shown_alone in enumerate(alone)
-    ]
 
 
 def not_negative(base: BaseParameters, drives: IntArray, shared: Collection[str]) -> BoolArray:

@@ -19,8 +19,6 @@ import and compilation would take ten times as long as the solution. log det J̃
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -179,11 +177,6 @@ class ConicProblem:
     weights: FloatArray  # (n,): λ of each link
     least: float = LEAST_OF_NOMINAL  # ε
 
-    @property
-    def links(self) -> int:
-        """Number n of links."""
-        return len(self.weights)
-
     def solve(self) -> FloatArray:
         """Return the x (10 n + k,) that solves the problem.
 
@@ -192,41 +185,11 @@ class ConicProblem:
         import clarabel
 
         shown, unknowns = self.matrix.shape
-        quadratic, linear = self._objective(unknowns, shown)
-        rows, cones = self._constraints(clarabel)
-        right = np.concatenate([self.right, [value for _, value in rows]])
-        entries = [(k, *one) for k, (factors, _) in enumerate(rows) for one in factors.items()]
-        table = np.array(entries, dtype=float).reshape(-1, 3)
-        equal = sparse.csc_matrix(np.hstack([self.matrix, -np.eye(shown)]))
-        equal.resize(shown, self._variables)
-        shape = (len(rows), self._variables)
-        inside = sparse.csc_matrix((table[:, 2], table[:, :2].T.astype(int)), shape=shape)
-        matrix = sparse.vstack([equal, inside], format="csc")
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
-        # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
-        settings.chordal_decomposition_enable = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
-        solution = solver.solve()
-        if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise DataError(
-                "no masses and inertias of real bodies come near the estimates "
-                f"(clarabel: {solution.status})"
-            )
-        return np.asarray(solution.x)[:unknowns]
-
-    @property
-    def _variables(self) -> int:
-        shown, unknowns = self.matrix.shape
-        return int(unknowns + shown + self.links * (_SIZE + 4))
-
-    def _objective(self, unknowns: int, shown: int) -> tuple[sparse.csc_matrix, FloatArray]:
-        """Matrix P and vector q of the objective ½ xᵀ P x + qᵀ x in all variables."""
-        diagonal, linear = np.zeros((2, self._variables))
+        links = len(self.weights)
+        start, variables = _SIZE * links, unknowns + shown + links * (_SIZE + 4)
+        # The objective ½ xᵀ P x + qᵀ x in all variables, P diagonal.
+        diagonal, linear = np.zeros((2, variables))
         diagonal[unknowns : unknowns + shown] = 2.0
-        start = _SIZE * self.links
         weight = 2.0 / self.scale**2
         diagonal[start:unknowns] = weight
         linear[start:unknowns] = -weight * self.nominal
@@ -234,19 +197,38 @@ class ConicProblem:
         linear[:start] = np.outer(self.weights, traces).ravel()
         logarithms = np.repeat([0.0, 1.0], [_SIZE, 4])
         linear[unknowns + shown :] = -np.outer(self.weights, logarithms).ravel()
-        return sparse.diags(diagonal, format="csc"), linear
-
-    def _constraints(self, clarabel: ModuleType) -> tuple[list[_Row], list[Any]]:
-        """Rows of b − A x in cones below the equations, one below the other, and all cones."""
-        bounded = (_SIZE * self.links + np.flatnonzero(self.bounded)).tolist()
+        # Rows of b − A x in cones below the equations, one below the other.
+        bounded = (start + np.flatnonzero(self.bounded)).tolist()
         rows: list[_Row] = [({variable: -1.0}, 0.0) for variable in bounded]
-        cones = [clarabel.ZeroConeT(len(self.matrix))]
+        cones = [clarabel.ZeroConeT(shown)]
         cones += [clarabel.NonnegativeConeT(1) for _ in bounded]
-        for link in range(self.links):
+        for link in range(links):
             rows += self._link(link)
             cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(8)]
             cones += [clarabel.ExponentialConeT() for _ in range(4)]
-        return rows, cones
+        right = np.concatenate([self.right, [value for _, value in rows]])
+        entries = [(k, *one) for k, (factors, _) in enumerate(rows) for one in factors.items()]
+        table = np.array(entries, dtype=float).reshape(-1, 3)
+        equal = sparse.csc_matrix(np.hstack([self.matrix, -np.eye(shown)]))
+        equal.resize(shown, variables)
+        places = table[:, :2].T.astype(int)
+        inside = sparse.csc_matrix((table[:, 2], places), shape=(len(rows), variables))
+        matrix = sparse.vstack([equal, inside], format="csc")
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1
+        # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
+        settings.chordal_decomposition_enable = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
+        quadratic = sparse.diags(diagonal, format="csc")
+        problem = (quadratic, linear, matrix, right, cones, settings)
+        solution = clarabel.DefaultSolver(*problem).solve()
+        if str(solution.status) not in ("Solved", "AlmostSolved"):
+            raise DataError(
+                "no masses and inertias of real bodies come near the estimates "
+                f"(clarabel: {solution.status})"
+            )
+        return np.asarray(solution.x)[:unknowns]
 
     def _link(self, link: int) -> Iterator[_Row]:
         """Constraints of a link: J̃ ≽ ε 1, and the variables whose sum is log det J̃."""

@@ -365,17 +365,6 @@ def followed_motion(run: Run, drives: FloatArray) -> Trajectory:
     return np.stack([position, speed, np.gradient(speed, 1.0 / (run.rate * run.finer), axis=0)])
 
 
-def finer_motion(motion: tuple[FloatArray, FloatArray, FloatArray], factor: int) -> Trajectory:
-    """Return a sampled motion (n_samples, n_joints) at a multiple of its rate, by cubic splines."""
-    stacked = np.stack(motion)
-    if factor == 1:
-        return stacked
-    samples = stacked.shape[1]
-    place = np.minimum(np.arange(samples * factor) / factor, samples - 1.0)
-    spline = scipy.interpolate.make_interp_spline(np.arange(samples), stacked, k=3, axis=1)
-    return np.asarray(spline(place))
-
-
 def fit_robot(
     motions: Sequence[Motion],
     runs: Sequence[Run],
@@ -464,7 +453,12 @@ def fit_servos(
     runs = []
     for motion in motions:
         finer = max(int(np.ceil(_FINE / motion.rate - 1e-6)), 1)
-        trajectory = finer_motion(smooth_motion(motion.position, motion.rate), finer)
+        trajectory = np.stack(smooth_motion(motion.position, motion.rate))
+        if finer > 1:
+            samples = trajectory.shape[1]
+            place = np.minimum(np.arange(samples * finer) / finer, samples - 1.0)
+            there = scipy.interpolate.make_interp_spline(np.arange(samples), trajectory, axis=1)
+            trajectory = there(place)
         runs.append(loaded(motion, robot, trajectory))
     starts: list[Drive | None] = [None] * len(robot.joints)
     tolerance = 1e-6 if len(robot.joints) == 1 else _ROUGH

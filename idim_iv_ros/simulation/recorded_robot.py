@@ -113,7 +113,11 @@ def record_simulated_robot(
     step = np.broadcast_to(np.asarray(encoder_resolution, dtype=float), position.shape)
     coarse = step > 0.0
     position[coarse] = np.round(position[coarse] / step[coarse]) * step[coarse]
-    effort = _centred_mean(truth.torque, ratio)[:samples]
+    # Mean of a command over the period about every sample: it acts from its control instant to the
+    # next, and the first one before it, too. Half a period is ratio/2 control periods.
+    weights = np.ones(ratio) if ratio % 2 == 0 else np.r_[0.5, np.ones(ratio - 1), 0.5]
+    mean = scipy.ndimage.correlate1d(truth.torque, weights / ratio, axis=0, mode="nearest")
+    effort = mean[::ratio][:samples]
     effort = effort + rng.normal(size=effort.shape) * torque_noise
     jitter = np.random.default_rng([seed, _JITTER]).normal(size=samples) * stamp_jitter
     return SimulatedRecording(
@@ -143,15 +147,3 @@ def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
     gain = math.sqrt(1.0 - pole**2)
     filtered, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
     return np.asarray(filtered)
-
-
-def _centred_mean(command: FloatArray, ratio: int) -> FloatArray:
-    """Mean of a command, constant between instants, over the period about every sample.
-
-    `command[i]` acts from control instant i to the next, and the first one before it, too. Half a
-    period is ratio/2 control periods on either side.
-    """
-    even = ratio % 2 == 0
-    weights = np.ones(ratio) if even else np.concatenate([[0.5], np.ones(ratio - 1), [0.5]])
-    mean = scipy.ndimage.correlate1d(command, weights / ratio, axis=0, mode="nearest")
-    return np.asarray(mean[::ratio])

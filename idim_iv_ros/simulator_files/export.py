@@ -19,7 +19,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
-from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
+from idim_iv_ros.model.urdf import decoded_urdf, description_key
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.physical.pseudo_inertia import LEAST_OF_NOMINAL
 from idim_iv_ros.physical.remainder import Uncertainty, lower_root
@@ -188,13 +188,21 @@ def export(
         notes=(),
         bags=robot.bags,
     )
-    _require_other_files(exported, source, path, configuration, force)
+    before = exported.effects.is_file() and exported.changes.is_file()
+    for file in filter(Path.exists, exported.files):
+        if any(file.samefile(read) for read in (source, path, configuration.source) if read):
+            raise UsageError(f"{file}: was read for this export; give another --out")
+        if not force and not before:
+            raise UsageError(
+                f"{file}: exists, and is not of an earlier export; give another --out, or --force "
+                "to replace it"
+            )
     texts, effects, more = (_export_mjcf if of_mjcf else _export_urdf)(robot, exported)
     notes = (*robot.notes, *more)
     ranges = None
     if exported.ranges is not None:
         shown, ranges = randomization(robot, exported.mjcf.name)
-        texts[exported.ranges] = _file_text(RANDOMIZE, **shown)
+        texts[exported.ranges] = _TEMPLATES.get_template(f"{RANDOMIZE}.j2").render(shown)
     texts[exported.effects] = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
@@ -263,10 +271,6 @@ def _export_mjcf(robot: ExportedRobot, exported: Exported) -> _Written:
     return {exported.mjcf: written}, robot.effects, notes
 
 
-def _file_text(template: str, **shown: object) -> str:
-    return _TEMPLATES.get_template(f"{template}.j2").render(shown)
-
-
 def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = False) -> None:
     """Read the new file as this program reads any, and check its parameters."""
     bodies, drives = exported.bodies, exported.drives
@@ -285,22 +289,6 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
             f"{exported.source}: values were put in, and others are read back: elements are "
             "written in a way that this program does not know; nothing was written"
         )
-
-
-def _require_other_files(
-    exported: Exported, source: Path, result: Path, configuration: Configuration, force: bool
-) -> None:
-    """Refuse to overwrite files that were read, or that no export wrote."""
-    read = [source, result, *([configuration.source] if configuration.source else [])]
-    before = exported.effects.is_file() and exported.changes.is_file()
-    for file in filter(Path.exists, exported.files):
-        if any(file.samefile(other) for other in read):
-            raise UsageError(f"{file}: was read for this export; give another --out")
-        if not force and not before:
-            raise UsageError(
-                f"{file}: exists, and is not of an earlier export; give another --out, or --force "
-                "to replace it"
-            )
 
 
 def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[str]:
@@ -331,8 +319,7 @@ def _changes(
     local = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
     if any(robot.values("off")):
         local.append(("torque_offset", robot.values("off"), "N m"))
-    return _file_text(
-        "changes.md",
+    return _TEMPLATES.get_template("changes.md.j2").render(
         robot=robot,
         errors=() if robot.gap is None else robot.gap.parameter_errors,
         files=[path.name for path in exported.files],
@@ -375,8 +362,7 @@ def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[Simula
     # A delay is that of a group: one for each length.
     steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
     parts = [(effect, part_of(effect.effect)) for effect in effects]
-    return _file_text(
-        "isaac_lab.py",
+    return _TEMPLATES.get_template("isaac_lab.py.j2").render(
         robot=exported.robot,
         couplings=exported.drives.couplings,
         law=law,

@@ -110,7 +110,18 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     """
     robot, law = exported.robot, exported.law
     values = _without_tendons(exported.drives, robot)
-    tendons = [_tendon(coupling, robot) for coupling in (*values.couplings, *native.couplings)]
+    tendons = []
+    for coupling in (*values.couplings, *native.couplings):
+        ends = ((coupling.first, 1.0), (coupling.second, coupling.direction))
+        tendon = element(
+            "fixed",
+            *(element("joint", joint=robot.joints[k], coef=_exact(sign)) for k, sign in ends),
+            name=coupling.name(robot.joints),
+            armature=_exact(coupling.inertia),
+            damping=_exact(coupling.damping),
+            frictionloss=_exact(coupling.friction),
+        )
+        tendons.append(tendon)
     root = element(
         "mujoco",
         *map(comment, comments),
@@ -225,18 +236,6 @@ def _visual_geom(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, st
         size = _exact(round(_THICKNESS * length, 4))
         shape = {"type": "capsule", "fromto": _exact(0.0, 0.0, 0.0, *end), "size": size}
     return shape | {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
-
-
-def _tendon(coupling: Coupled, robot: RobotModel) -> Element:
-    ends = ((coupling.first, 1.0), (coupling.second, coupling.direction))
-    return element(
-        "fixed",
-        *(element("joint", joint=robot.joints[k], coef=_exact(sign)) for k, sign in ends),
-        name=coupling.name(robot.joints),
-        armature=_exact(coupling.inertia),
-        damping=_exact(coupling.damping),
-        frictionloss=_exact(coupling.friction),
-    )
 
 
 def _actuators(law: DriveLaw, joints: Sequence[str]) -> Iterator[Element]:

@@ -6,7 +6,7 @@ physical is left for the link, the change is spread over all of them: one affine
 body, J → T J Tᵀ, maps the nominal one to the new one and every part of it to a physical part.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.configuration import Configuration, ControllerSection
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.registry import BY_NAME, STRUCTURAL, part_of
 from idim_iv_ros.errors import UsageError
@@ -30,8 +30,7 @@ from idim_iv_ros.model import (
 )
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
-from idim_iv_ros.model.urdf import Urdf
-from idim_iv_ros.model.urdf_reader import LARGEST
+from idim_iv_ros.model.urdf import LARGEST, Urdf
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.physical.remainder import USUAL_ERROR
@@ -49,6 +48,8 @@ from idim_iv_ros.simulator_files.named import (
 )
 from idim_iv_ros.simulators.effects_file import constant_torques, effect_of_cause
 from idim_iv_ros.types import FloatArray
+
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -81,43 +82,6 @@ class DriveLaw:
         slip = "(dq_ref - dq)" if self.velocity_reference else "(-dq)"
         integral = " + ki * integral of (q_ref - q)" if np.any(self.ki) else ""
         return f"torque = kp * (q_ref - q) + kd * {slip}{integral}, every {self.period:g} s"
-
-
-def drive_law(
-    section: ControllerSection, joints: Sequence[str], effects: Sequence[SimulatedEffect]
-) -> DriveLaw:
-    """Return the configured law with the gains, delays and limits that the diagnosis found.
-
-    They are in effects whose part is gains, delay or limit.
-    """
-    n, known = len(joints), section.type != "unknown"
-    law = control_law(section, n) if known else None
-    names = ("kp", "kd", "ki")
-    numbers = {name: np.zeros(n) if law is None else getattr(law, name).copy() for name in names}
-    limit = np.full(n, np.inf) if section.torque_limit is None else np.array(section.torque_limit)
-    delay, beyond = np.full(n, section.delay), []
-    for effect in effects:
-        value, part = effect.parameters, part_of(effect.effect)
-        at = [effect.joint in (None, joint) for joint in joints]
-        if part == "delay":
-            delay[at] += value.get("delay", 0.0)
-        elif part == "limit" and not value.get("slope", 0.0):
-            limit[at] = np.minimum(limit[at], value["knee"])
-        elif part == "gains" and law is not None:
-            for name, number in value.items():
-                if name in numbers:
-                    numbers[name][at] = number
-                elif number:
-                    beyond.append(f"{name} {number:.4g} at {effect.joint}")
-    return DriveLaw(
-        **numbers,
-        velocity_reference=law is not None and law.velocity_reference,
-        limit=limit,
-        period=section.period or 0.001,
-        delay=delay,
-        configured=law is not None,
-        beyond=tuple(beyond),
-    )
 
 
 @dataclass(frozen=True)
@@ -204,8 +168,53 @@ class ExportedRobot:
 
     @cached_property
     def links(self) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
-        """Return the inertials of changed links, and notes on them."""
-        return link_bodies(self.urdf, self.robot, self.bodies, str(self.source))
+        """Return the inertials of changed links, and notes on them.
+
+        Raises UsageError: a link for which no physical body is left.
+        """
+        urdf, robot, joints, source = self.urdf, self.robot, self.bodies, self.source
+        # Links with mass that a joint carries: placement in its frame, and XX … M (10,) there.
+        carried: dict[str, dict[str, tuple[pin.SE3, FloatArray]]] = {joint: {} for joint in joints}
+        for frame in robot.pinocchio.frames:
+            inertial = urdf.links[frame.name] if frame.type == pin.FrameType.BODY else None
+            if inertial is not None and inertial.mass > 0.0 and frame.parentJoint > 0:
+                joint = robot.joints[robot.order[frame.parentJoint - 1]]
+                body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
+                place = frame.placement
+                carried[joint][frame.name] = (place, parameters_of(place.act(body)))
+        changed, notes = {}, []
+        for joint, target in joints.items():
+            main, parts = urdf.joints[joint].child, carried[joint]
+            others = [link for link in parts if link != main]
+            rest = target - sum((parts[link][1] for link in others), np.zeros(10))
+            _, reference = parts.get(main, (None, rest))
+            rounding = _ROUNDING * np.abs(reference).max()
+            if main in parts and np.abs(rest - reference).max() <= rounding:
+                continue
+            if is_possible(rest, reference):
+                changed[main] = body_of(rest)
+                continue
+            names = ", ".join(others)
+            if not others:
+                raise UsageError(f"{source}: link {main}: no body is left for it")
+            nominal = sum((parameters for _, parameters in parts.values()), np.zeros(10))
+            try:
+                before = np.linalg.inv(upper_root(pseudo_inertia(nominal)))
+                root = upper_root(pseudo_inertia(target)) @ before
+            except np.linalg.LinAlgError as error:
+                raise UsageError(
+                    f"{source}: link {main}: what is fixed behind it ({names}) weighs more than "
+                    f"the recording lets {joint} carry, and the nominal inertials are too "
+                    "degenerate to spread the change; correct their inertials"
+                ) from error
+            for link, (place, parameters) in parts.items():
+                matrix = root @ pseudo_inertia(parameters) @ root.T
+                changed[link] = place.actInv(body_of(inertial_parameters(matrix)))
+            notes.append(
+                f"{main} and what is fixed behind it ({names}) changed together: with the "
+                "inertials that the file gives these, no body would be left for the link"
+            )
+        return changed, tuple(notes)
 
     @cached_property
     def mounted(self) -> dict[str, tuple[str, Load]]:
@@ -268,8 +277,38 @@ class ExportedRobot:
 
     @cached_property
     def law(self) -> DriveLaw:
-        """Return the configured law with the effects of the diagnosis on it."""
-        return drive_law(self.configuration.controller, self.robot.joints, self.structural)
+        """Return the configured law with the gains, delays and limits that the diagnosis found."""
+        section, joints = self.configuration.controller, self.robot.joints
+        n = len(joints)
+        law = control_law(section, n) if section.type != "unknown" else None
+        numbers = {name: np.zeros(n) for name in ("kp", "kd", "ki")}
+        if law is not None:
+            numbers = {name: getattr(law, name).copy() for name in numbers}
+        limit, delay, beyond = np.full(n, np.inf), np.full(n, section.delay), []
+        if section.torque_limit is not None:
+            limit = np.array(section.torque_limit)
+        for effect in self.structural:
+            value, part = effect.parameters, part_of(effect.effect)
+            at = [effect.joint in (None, joint) for joint in joints]
+            if part == "delay":
+                delay[at] += value.get("delay", 0.0)
+            elif part == "limit" and not value.get("slope", 0.0):
+                limit[at] = np.minimum(limit[at], value["knee"])
+            elif part == "gains" and law is not None:
+                for name, number in value.items():
+                    if name in numbers:
+                        numbers[name][at] = number
+                    elif number:
+                        beyond.append(f"{name} {number:.4g} at {effect.joint}")
+        return DriveLaw(
+            **numbers,
+            velocity_reference=law is not None and law.velocity_reference,
+            limit=limit,
+            period=section.period or 0.001,
+            delay=delay,
+            configured=law is not None,
+            beyond=tuple(beyond),
+        )
 
     @property
     def coupled_friction(self) -> dict[str, float]:
@@ -290,62 +329,6 @@ class ExportedRobot:
             for effect in self.negative_friction
         )
         return (*self.links[1], *negative)
-
-
-_ROUNDING = 1e-12
-
-
-def link_bodies(
-    urdf: Urdf, robot: RobotModel, joints: Mapping[str, FloatArray], source: str
-) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
-    """Return the inertials of changed links, and notes on them.
-
-    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF.
-
-    Raises UsageError: a link for which no physical body is left.
-    """
-    # Links with mass that a joint carries: placement in its frame, and XX … M (10,) there.
-    carried: dict[str, dict[str, tuple[pin.SE3, FloatArray]]] = {joint: {} for joint in joints}
-    for frame in robot.pinocchio.frames:
-        inertial = urdf.links[frame.name] if frame.type == pin.FrameType.BODY else None
-        if inertial is not None and inertial.mass > 0.0 and frame.parentJoint > 0:
-            joint = robot.joints[robot.order[frame.parentJoint - 1]]
-            body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
-            place = frame.placement
-            carried[joint][frame.name] = (place, parameters_of(place.act(body)))
-    changed, notes = {}, []
-    for joint, target in joints.items():
-        main, parts = urdf.joints[joint].child, carried[joint]
-        others = [link for link in parts if link != main]
-        rest = target - sum((parts[link][1] for link in others), np.zeros(10))
-        _, reference = parts.get(main, (None, rest))
-        rounding = _ROUNDING * np.abs(reference).max()
-        if main in parts and np.abs(rest - reference).max() <= rounding:
-            continue
-        if is_possible(rest, reference):
-            changed[main] = body_of(rest)
-            continue
-        names = ", ".join(others)
-        if not others:
-            raise UsageError(f"{source}: link {main}: no body is left for it")
-        nominal = sum((parameters for _, parameters in parts.values()), np.zeros(10))
-        try:
-            before = np.linalg.inv(upper_root(pseudo_inertia(nominal)))
-            root = upper_root(pseudo_inertia(target)) @ before
-        except np.linalg.LinAlgError as error:
-            raise UsageError(
-                f"{source}: link {main}: what is fixed behind it ({names}) weighs more than the "
-                f"recording lets {joint} carry, and the nominal inertials are too degenerate to "
-                "spread the change; correct their inertials"
-            ) from error
-        for link, (place, parameters) in parts.items():
-            matrix = root @ pseudo_inertia(parameters) @ root.T
-            changed[link] = place.actInv(body_of(inertial_parameters(matrix)))
-        notes.append(
-            f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
-            "that the file gives these, no body would be left for the link"
-        )
-    return changed, tuple(notes)
 
 
 _LONGEST_DELAY = 1.0  # s, as controller.delay

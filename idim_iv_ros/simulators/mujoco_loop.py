@@ -14,8 +14,7 @@ from idim_iv_ros.simulation.closed_loop import sampled_loop
 from idim_iv_ros.simulation.closed_loop_kernel import SPEED_LIMIT, send_command
 from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulation.plant import initial_state, plant
-from idim_iv_ros.simulators.mujoco import Effects
-from idim_iv_ros.simulators.mujoco_parts import REPLAY, StepTooLongError
+from idim_iv_ros.simulators.mujoco import REPLAY, Effects, StepTooLongError
 from idim_iv_ros.types import FloatArray
 
 # Longest step when nothing asks for a shorter one, s, and how often it is halved for a shaft.

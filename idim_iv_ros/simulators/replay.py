@@ -32,15 +32,15 @@ from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulators.effects_file import EffectsFile, constant_torques, read_effects
-from idim_iv_ros.simulators.mujoco import STIFFEST
-from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP, References, run_in_mujoco
-from idim_iv_ros.simulators.mujoco_parts import (
+from idim_iv_ros.simulators.mujoco import (
+    STIFFEST,
     add_motors,
     add_parts,
     nearest_parameters,
     plant_spec,
     set_inertias,
 )
+from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP, References, run_in_mujoco
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,
     NOMINAL,
@@ -107,18 +107,6 @@ def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = No
     return StageModel(
         CORRECTED, "the nominal model with found parameters", robot, parameters, None, effects
     )
-
-
-def nominal_stage(mujoco: Any, model: InverseModel, mjcf: Path | None) -> StageModel:
-    """Return the stage of the nominal model: the user's MJCF, if its joints are the robot's."""
-    robot = model.robot
-    if mjcf is not None:
-        with mujoco_reads(mjcf):
-            of_file = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
-        if of_file == set(robot.joints):
-            words = f"{mjcf.name} as given"
-            return replace(xml_stage(mujoco, robot, mjcf, {}), name=NOMINAL, words=words)
-    return plant_stage(mujoco, model)
 
 
 def xml_stage(
@@ -344,7 +332,16 @@ def _stages(
     robot, base = prepared.model.robot, prepared.model.base
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
-    stages = [nominal_stage(mujoco, prepared.model, prepared.configuration.robot.mjcf)]
+    # The user's MJCF, if its joints are the robot's.
+    mjcf, of_file = prepared.configuration.robot.mjcf, set[str]()
+    if mjcf is not None:
+        with mujoco_reads(mjcf):
+            of_file = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
+    if mjcf is not None and of_file == set(robot.joints):
+        nominal = xml_stage(mujoco, robot, mjcf, {})
+        stages = [replace(nominal, name=NOMINAL, words=f"{mjcf.name} as given")]
+    else:
+        stages = [plant_stage(mujoco, prepared.model)]
     effects, parameters = extended.effects, extended.base_parameters
     contributions_of(effects, robot.joints)  # refuses, before anything is simulated
     if str(model) != URDF:

@@ -17,8 +17,8 @@ from benchmarks.servos import (
 )
 from idim_iv_ros.model.robot import load_robot
 from idim_iv_ros.servo.fit import fit_factor, fit_servos, ordinary_least_squares
+from idim_iv_ros.servo.identify import absolute_numbers, is_absolute, ratio_numbers
 from idim_iv_ros.servo.loop_kernel import Drive
-from idim_iv_ros.servo.numbers import absolute_numbers, is_absolute, ratio_numbers
 
 TRUE = TRUTH | {"torque limit": LIMIT}
 
