@@ -73,8 +73,7 @@ def excite(
 ) -> Excitation:
     """Design a motion for identification and predict what it shows.
 
-    - `torque_noise`: standard deviation of the torque noise at each sample, share of the torque
-      limit
+    `torque_noise`: standard deviation of the torque noise at a sample, share of the torque limit.
 
     Raises UsageError or DataError: see `motion_limits`, `design_excitation`, `predict_parameters`.
     """
@@ -121,10 +120,7 @@ def random_motion(
     Fast, unlike a motion designed for its condition number, which is the same at any speed; but
     nothing is optimised. `design_excitation` does that.
 
-    - `duration`: s
-    - `rate`: samples per second
-    - `seed`: of the coefficients
-    - `limits`: what it may use; else those of `motion_limits`
+    `duration` in s, `rate` in samples per second; `limits`: what it may use, else `motion_limits`.
 
     Raises UsageError: no URDF, a limit that is missing, a duration that is not 1 to 1000 s, or as
     `require_sampling`. DataError: the robot cannot even stay near the middle of its range.
@@ -306,11 +302,10 @@ def slowed(motion: Trajectory, share: float) -> Trajectory:
 def stop(
     joints: tuple[str, ...], position: FloatArray, velocity: FloatArray, limits: MotionLimits
 ) -> Trajectory:
-    """Come to rest from a moving state, all joints at once, within the limits of acceleration.
+    """Come to rest from position and velocity (n_joints,), rad, rad/s (m, m/s), joints at once.
 
-    - `position`, `velocity`: (n_joints,) rad, rad/s (m, m/s) at the beginning
-    - `limits`: in the order of the joints; where the range of a joint ends before the robot could
-      come to rest, it is asked for the end of the range
+    Accelerations keep their limits; where the range of a joint ends before the robot could come to
+    rest, it is asked for the end of the range.
     """
     whole = float(np.max(np.abs(velocity) / limits.acceleration))
     count = 20

@@ -36,8 +36,7 @@ _OF_SEGMENTS = ("name", "kind", "start", "end", "effects", "speed", "amplitude",
 def require_place(out: FilePath, *, force: bool = False) -> None:
     """Make sure, before long work, that the files of a motion can be written afterwards.
 
-    - `out`: stem, or one of the files
-    - `force`: replace files that this program did not write
+    `out` is their stem, or one of them; `force` replaces files that this program did not write.
 
     Raises UsageError: `out` is a folder or has no name, or as `require_file_place`.
     """
@@ -56,10 +55,8 @@ def write_motion(
 ) -> tuple[Path, ...]:
     """Write ``STEM.csv``, ``STEM.yaml`` and ``STEM.json``; return their paths in this order.
 
-    - `out`: stem, or one of the files
-    - `document`: figures, for JSON
-    - `message_rate`: points per second of the JointTrajectory
-    - `force`: replace files that this program did not write
+    `out` and `force` as in `require_place`; `document`: figures, for JSON; `message_rate`: points
+    per second of the JointTrajectory.
 
     Raises UsageError: a file cannot be written, or must not be replaced; none is then left behind.
     """

@@ -247,12 +247,9 @@ def moving_frames(robot: RobotModel) -> MovingFrames:
 
 
 def require_reachable(frames: MovingFrames, limits: MotionLimits) -> None:
-    """Refuse a floor that no posture within the limits keeps above.
+    """Refuse a floor that none of 2,000 random postures within the limits keeps above.
 
-    Looks at 2,000 random postures, and at frames whose height no joint changes.
-
-    Raises UsageError: one line: the frame that is in the way, and the highest floor that is
-    possible.
+    Raises UsageError: the frame that is in the way, and the highest floor that is possible.
     """
     if limits.floor is None:
         return

@@ -152,11 +152,9 @@ def multisine(
 ) -> Segment:
     """Sum of sines of random phase from 0.5 Hz up to `highest`, faded in and out over 1 s.
 
-    Every joint has lines of its own, k/T with k ≡ joint modulo the number of joints, so that what
-    one joint does to another is separate from its own response. All lines have the same velocity.
-
-    - `highest`: (n_joints,) Hz
-    - `amplitude`: largest deviation, rad (m)
+    No line k/T is shared: k ≡ joint modulo the number of joints, so that what one joint does to
+    another is apart from its response. All lines have the same velocity. `highest`: (n_joints,) Hz;
+    `amplitude`: largest deviation, rad (m).
     """
     joints = len(highest)
     flat = max(seconds - 2.0 * _FADE, 2.0 / LOWEST_LINE)

@@ -100,13 +100,9 @@ def shortest_quintic(way: FloatArray, speed: FloatArray, acceleration: FloatArra
 
 
 def require_sampling(rate: float, duration: float, what: str) -> None:
-    """Refuse a rate that no controller has, and more samples than can be computed.
+    """Refuse a rate, samples per second, that no controller has, and too many samples in all.
 
-    - `rate`: samples per second
-    - `duration`: s
-    - `what`: what has them, for the message: ``the trajectory``
-
-    Raises UsageError: the rate or the number of samples is out of its range.
+    Raises UsageError: they are out of their range; `what` has them, for the message.
     """
     if not _SLOWEST <= rate <= _FASTEST:
         raise UsageError(

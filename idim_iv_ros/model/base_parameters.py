@@ -108,13 +108,11 @@ def find_base_parameters(regressor: StandardRegressor) -> BaseParameters:
 
 
 def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rows of the regressor at random states, each a random mixture of those of all joints.
+    """Rows (n_states, n_standard) of the regressor at random states, mixtures of the joints'.
 
-    Mixtures show every dependence of the columns that the rows themselves show, however many
-    parameters a single joint depends on, with a row for each state instead of one for each joint.
-
-    Returns rows (n_states, n_standard); squares (n_standard,): of the columns, over the rows of all
-    joints; largest (n_joints, n_standard): magnitude of each joint's entries.
+    Mixtures show every dependence of the columns that the rows themselves show, with a row for a
+    state instead of one for a joint. With them: squares (n_standard,) of the columns over all rows,
+    and the largest magnitudes (n_joints, n_standard) by joint.
     """
     joints, parameters = len(regressor.robot.order), len(regressor.layout.parameters)
     random, limits = np.random.default_rng(_SEED), regressor.robot.limits
@@ -139,13 +137,9 @@ def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, 
 def independent_columns(columns: FloatArray, tolerance: float) -> tuple[IntArray, FloatArray]:
     """Eliminate the columns that those before them explain: Gram-Schmidt without pivoting.
 
-    One pass over the columns, however many depend on others.
+    Columns (r, c) are of norm one, or zero; one counts if more than `tolerance` is left of it.
 
-    - `columns`: (r, c) of norm one, or zero
-    - `tolerance`: norm that is left of a column when it counts
-
-    Returns kept (rank,) int, increasing; basis (r, rank): orthonormal, of the span of the columns
-    that are kept.
+    Returns kept (rank,) int, increasing; basis (r, rank): orthonormal, of their span.
     """
     rows, count = columns.shape
     basis = np.empty((rows, min(rows, count)), order="F")

@@ -146,12 +146,9 @@ class OfRobot(Protocol):
 def require_same_robot(
     path: Path, result: OfRobot, configuration: Configuration, robot: RobotModel, source: str
 ) -> None:
-    """Refuse the result in a file if it is not of the robot of this configuration.
+    """Refuse the result in a file if it is of another robot than `robot` with the URDF `source`.
 
-    `source` names the URDF of `robot` in messages.
-
-    Raises UsageError: joints have other names or another order, or are placed or turned
-    differently.
+    Raises UsageError: joints have other names or another order, or are placed or turned otherwise.
     """
     joints = configuration.robot.joints
     if list(result.joints) != joints:

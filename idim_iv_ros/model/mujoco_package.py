@@ -14,9 +14,7 @@ _PREFIXES = re.compile(r"^((XML )?Error: |Schema violation: |ParseXML: )+")
 
 
 def load_mujoco(needed_for: str) -> Any:
-    """Return the module `mujoco`.
-
-    - `needed_for`: what needs it, in words: the beginning of the message
+    """Return the module `mujoco`; `needed_for` is what needs it, in words.
 
     Raises UsageError: it is not installed, or cannot be loaded.
     """

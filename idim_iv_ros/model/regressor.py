@@ -84,13 +84,10 @@ def _entry(digest: str) -> Callable[..., Any]:
         rows: IntArray,
         matrix: FloatArray,
     ) -> None:
-        """Fill the columns of the inertial parameters in `matrix` (samples, n, n_standard).
+        """Fill the columns of inertial parameters in `matrix` (samples, n, n_standard) of zeros.
 
-        - `q`, `dq`, `ddq`: (samples, n), joints in tree order
-        - `motion`, `pose` (3, 4), `row` (10,): written to
-        - `place`: (n, 10), column of each parameter of each link
-        - `rows`: (n,), row of each joint of the tree
-        - `matrix`: zeros where a joint does not move a link
+        `q`, `dq`, `ddq`: (samples, n), joints in tree order; `place` (n, 10), `rows` (n,): columns
+        of the links' parameters, rows of the joints; `motion`, `pose` (3, 4), `row` (10,): written.
         """
         _ = digest
         samples, n = q.shape
@@ -137,11 +134,9 @@ class StandardRegressor:
     def __call__(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None = None
     ) -> FloatArray:
-        """Evaluate at n_samples states.
+        """Evaluate at states `q`, `dq`, `ddq` (n_samples, n_joints) rad, rad/s, rad/s² (m, …).
 
-        - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
-        - `smooth`: (n_joints,) speeds below which the sign of dry friction is smoothed; None: sharp
-
+        `smooth` (n_joints,): speeds below which the sign of dry friction is smoothed; None: sharp.
         Returns (n_samples, n_joints, n_standard).
         """
         samples, joints = q.shape

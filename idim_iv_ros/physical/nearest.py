@@ -47,13 +47,10 @@ Projection = Callable[[FloatArray], FloatArray]
 
 
 class Judge:
-    """Errors of the torque on all rows, and on quarters that were left out of the fit.
+    """Errors of the torque on all rows, and on quarters that were left out of the fit of b numbers.
 
-    Each quarter is reduced once: R factors of three make the fit, that of the fourth judges it.
-
-    - `rows`: of all joints; with instruments, held-out estimates use them
-    - `parameters`: b
-    - `sigma`: (n_joints,), standard deviation of each joint's residual: the weights
+    Quarters are reduced once: R factors of three make the fit, that of the fourth judges it. The
+    weights are the standard deviations `sigma` (n_joints,) of the joints' residuals.
     """
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):

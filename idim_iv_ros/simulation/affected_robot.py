@@ -147,12 +147,10 @@ def affected_robot(
 ) -> tuple[Plant, Effects, dict[int, ShaftPart], float]:
     """Shape a robot, its parameters and what effects add to it for simulation.
 
-    Returns the plant of N coordinates with its effects, its shafts, and the longest step that
-    resolves these, s.
-
     Friction of a joint with friction effects may be negative in `parameters`: only the sum with
     the effects is kept from driving. `position` (n_joints,) is where backlash is given its
-    default stiffness.
+    default stiffness. Returns the plant of N coordinates with its effects, its shafts, and the
+    longest step that resolves these, s.
 
     Raises UsageError: a shaft where the drive inertia is not known (see `split_drives`).
     """

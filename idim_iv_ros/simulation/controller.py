@@ -23,15 +23,11 @@ LONGEST_DELAY = 3  # samples from the errors to the torque that are tried
 
 
 def factor_of_lateness(lateness: float, period: float) -> float | None:
-    """Filter of differences over a control period that is as late as another speed.
+    """Filter of differences over a control period that is as late as another speed, both in s.
 
     A backward difference is half a period late, and a filter of factor f another (1 − f) / f
-    periods (its group delay at low frequencies).
-
-    - `lateness`, `period`: s
-
-    Returns 0 < factor ≤ 1, or None where differences over the period are later than
-    that: the exact speed is then as near.
+    periods (its group delay at low frequencies). Returns 0 < f ≤ 1, or None where differences over
+    the period are later than that: the exact speed is then as near.
     """
     if lateness < 0.5 * period * (1.0 - 1e-9):
         return None
@@ -39,11 +35,9 @@ def factor_of_lateness(lateness: float, period: float) -> float | None:
 
 
 def control_period(section: ControllerSection, rates: Iterable[float]) -> float:
-    """Period of the control, s: the configured one, or what the recordings tell of it.
+    """Period of the control, s: the configured one, or what the rates of the recordings, Hz, tell.
 
     A robot has one controller, at least as fast as the fastest of its recordings.
-
-    - `rates`: of the recordings, Hz
     """
     return section.period if section.period is not None else 1.0 / max(rates)
 

@@ -75,11 +75,9 @@ class State(NamedTuple):
 def initial_state(
     plant: Plant, q: FloatArray, dq: FloatArray, delay: FloatArray, period: float
 ) -> State:
-    """State at the first instant.
+    """State at the first instant: `q`, `dq` (N,) are taken over, not copied.
 
-    - `q`, `dq`: (N,), taken over, not copied
-    - `delay`: (n,), from a command to the torque, s
-    - `period`: between commands, s
+    `delay` (n,) is from a command to the torque, `period` between commands, s.
     """
     whole = np.floor(delay / period + 1e-6).astype(np.int64)
     fraction = np.maximum(delay - whole * period, 0.0)

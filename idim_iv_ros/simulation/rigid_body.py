@@ -182,14 +182,10 @@ _torques, _masses = _entries(source_digest(link_motion, dry_friction))
 def inverse_dynamics(
     robot: RobotModel, parameters: DynamicParameters, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> FloatArray:
-    """Torques that a motion needs: IDM(q, dq, ddq) β (paper, equation 3).
+    """Torques (n_samples, n_joints) N m (N) of a motion: IDM(q, dq, ddq) β (paper, equation 3).
 
-    Exactly the linear model: sign(0) = 0, and negative friction is taken as it is.
-
-    - `robot`, `parameters`: kinematics, and dynamic parameters that need not be physical
-    - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
-
-    Returns (n_samples, n_joints) N m (N).
+    Exactly the linear model of parameters that need not be physical: sign(0) = 0, and negative
+    friction is taken as it is. `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, …).
     """
     order = robot.order
     dynamics = plant(robot, parameters, dissipative=False)
