@@ -13,7 +13,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import SERVO, write_together
 from idim_iv_ros.identification.prepare import description_text, read_configured
-from idim_iv_ros.model.mujoco_package import load_mujoco, set_first
+from idim_iv_ros.model.mjcf import load_mujoco, set_first
 from idim_iv_ros.servo.result import ServoJoint, ServoResult
 
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"

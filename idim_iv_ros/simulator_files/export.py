@@ -5,10 +5,9 @@ Fields of Isaac Lab are those documented for 2.3 and 3.0 (`ActuatorBaseCfg`,
 `viscous_friction` a coefficient.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -22,39 +21,43 @@ from idim_iv_ros.model.mjcf import mjcf_as_urdf
 from idim_iv_ros.model.urdf import decoded_urdf, description_key
 from idim_iv_ros.physical import StandardValue
 from idim_iv_ros.physical.pseudo_inertia import LEAST_OF_NOMINAL
-from idim_iv_ros.physical.remainder import Uncertainty, lower_root
+from idim_iv_ros.physical.remainder import lower_root
 from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects, number_text
 from idim_iv_ros.simulator_files.named import kind_of
 from idim_iv_ros.simulator_files.robot import ExportedRobot, read_answer
 from idim_iv_ros.simulators.effects_file import EffectsFile
-from idim_iv_ros.types import BoolArray
 
 RANDOMIZE = "randomize.py"
 _NORMAL = 1.96
 _FIELDS = {"Ia": "dof_armature", "Fv": "dof_damping", "Fc": "dof_frictionloss"}
 
 
-class Ranges(NamedTuple):
-    """Ranges in changes.md: usual errors of undetermined parameters, and a row for each body."""
+def randomization(
+    exported: ExportedRobot, model: str
+) -> tuple[dict[str, object], dict[str, object]]:
+    """Return the variables of the template of `sample(model, rng)`, and the ranges in changes.md.
 
-    link: float
-    drive: float
-    rows: list[tuple[str, ...]]
-
-
-def randomization(exported: ExportedRobot, model: str) -> tuple[dict[str, Any], Ranges]:
-    """Return the variables of the template of `sample(model, rng)`, and the ranges.
-
-    The exported parameters include what no cause explains; `model` is the name of their MJCF.
+    The exported parameters include what no cause explains; `model` is the name of their MJCF. The
+    ranges are the usual errors of undetermined parameters, and a row for every body.
     """
     remainder = exported.model.remainder
     assert remainder is not None
     uncertainty = remainder.uncertainty
     carried = [("joint", name, body) for name, body in exported.bodies.items()]
     mounted = [("load", link, load.parameters) for link, (_, load) in exported.mounted.items()]
-    drives, drive_rows = _drives(exported, uncertainty)
+    # Intervals of joint numbers by joint and MuJoCo's field, and their rows in the root.
+    drives: dict[str, dict[str, str]] = {}
+    drive_rows, coordinates = [], uncertainty.coordinates
+    for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
+        name = exported.model.parameters[place].name
+        if (kind := kind_of(name)) in _FIELDS:
+            joint = exported.robot.joints[int(name[len(kind) :]) - 1]
+            half = _NORMAL * float(np.linalg.norm(uncertainty.root[row]))
+            interval = f"{exported.model.values[name]:.4g} ± {half:.2g}"
+            drives.setdefault(joint, {})[_FIELDS[kind]] = interval
+            drive_rows.append(row)
     bodies, lines = [], []
     for number, (kind, name, body) in enumerate([*carried, *mounted]):
         rows = slice(10 * number, 10 * number + 10)
@@ -76,25 +79,7 @@ def randomization(exported: ExportedRobot, model: str) -> tuple[dict[str, Any], 
         "least": LEAST_OF_NOMINAL,
         "root": lower_root(uncertainty.root[[*range(10 * len(bodies)), *drive_rows]]),
     }
-    return shown, Ranges(uncertainty.link, uncertainty.drive, lines)
-
-
-def _drives(
-    exported: ExportedRobot, uncertainty: Uncertainty
-) -> tuple[dict[str, dict[str, str]], list[int]]:
-    """Return intervals of joint numbers by joint and MuJoCo's field, and their rows in `root`."""
-    coordinates = uncertainty.coordinates
-    drives: dict[str, dict[str, str]] = {}
-    rows = []
-    for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
-        name = exported.model.parameters[place].name
-        if (kind := kind_of(name)) in _FIELDS:
-            joint = exported.robot.joints[int(name[len(kind) :]) - 1]
-            half = _NORMAL * float(np.linalg.norm(uncertainty.root[row]))
-            interval = f"{exported.model.values[name]:.4g} ± {half:.2g}"
-            drives.setdefault(joint, {})[_FIELDS[kind]] = interval
-            rows.append(row)
-    return drives, rows
+    return shown, {"link": uncertainty.link, "drive": uncertainty.drive, "rows": lines}
 
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
@@ -310,7 +295,7 @@ def _changes(
     effects: Sequence[SimulatedEffect],
     exported: Exported,
     notes: Sequence[str],
-    ranges: Ranges | None,
+    ranges: Mapping[str, object] | None,
 ) -> str:
     """Return the table of changes: new values, their certainty and their origin."""
     joints, remainder = robot.robot.joints, robot.model.remainder
@@ -362,31 +347,7 @@ def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[Simula
     # A delay is that of a group: one for each length.
     steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
     parts = [(effect, part_of(effect.effect)) for effect in effects]
-    return _TEMPLATES.get_template("isaac_lab.py.j2").render(
-        robot=exported.robot,
-        couplings=exported.drives.couplings,
-        law=law,
-        offsets=dict(zip(exported.robot.joints, exported.drives.offset, strict=True)),
-        origin=exported.origin,
-        urdf=urdf_name,
-        delayed=delayed,
-        groups={delay: _fields(exported, np.equal(steps, delay)) for delay in sorted(set(steps))},
-        effects=[
-            effect
-            for effect, part in parts
-            if part not in ("delay", "offset") and (part != "gains" or law.beyond)
-        ],
-    )
-
-
-def _fields(
-    exported: ExportedRobot, chosen: BoolArray
-) -> tuple[list[str], list[tuple[str, str, dict[str, float]]]]:
-    """Return names of the chosen joints (n,), and the finite fields of their actuator group.
-
-    A field is its name, its unit, and the numbers by joint.
-    """
-    names, values, law = np.array(exported.robot.joints), exported.drives, exported.law
+    names, values = np.array(exported.robot.joints), exported.drives
     gains = [("stiffness", law.kp, "N m/rad"), ("damping", law.kd, "N m s/rad")]
     fields = [
         *(gains if law.configured else []),
@@ -396,10 +357,26 @@ def _fields(
         ("viscous_friction", values.damping, "N m s/rad"),
         ("effort_limit", law.limit, "N m"),
     ]
-    listed = []
-    for field, numbers, unit in fields:
-        there = np.isfinite(numbers) & chosen
-        if there.any():
-            by_joint = zip(names[there].tolist(), numbers[there].tolist(), strict=True)
-            listed.append((field, unit, dict(by_joint)))
-    return names[chosen].tolist(), listed
+    groups = {}
+    for delay in sorted(set(steps)):
+        chosen, listed = np.equal(steps, delay), []
+        for field, numbers, unit in fields:
+            there = np.isfinite(numbers) & chosen
+            by_joint = dict(zip(names[there].tolist(), numbers[there].tolist(), strict=True))
+            listed += [(field, unit, by_joint)] if by_joint else []
+        groups[delay] = (names[chosen].tolist(), listed)
+    return _TEMPLATES.get_template("isaac_lab.py.j2").render(
+        robot=exported.robot,
+        couplings=exported.drives.couplings,
+        law=law,
+        offsets=dict(zip(exported.robot.joints, exported.drives.offset, strict=True)),
+        origin=exported.origin,
+        urdf=urdf_name,
+        delayed=delayed,
+        groups=groups,
+        effects=[
+            effect
+            for effect, part in parts
+            if part not in ("delay", "offset") and (part != "gains" or law.beyond)
+        ],
+    )

@@ -144,7 +144,21 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
                 "them out (`mj_saveLastXML` does)"
             )
     mujoco, spec, model = compiled_mjcf(path)
-    _require_written_inertials(mujoco, spec, model, str(path))
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
+    # A version of MuJoCo need not have all of them.
+    settings += [name for name in _CHANGES_INERTIALS if getattr(spec.compiler, name, 0) > 0]
+    if settings:
+        raise UsageError(
+            f"{path}: <compiler> has {', '.join(settings)}, so that the <inertial> of a body is "
+            "not what is simulated: write the inertials out without it (`mj_saveLastXML` does)"
+        )
+    effects = [name for name, places in native_elements(mujoco, model).items() if places]
+    if effects:
+        raise UsageError(
+            f"{path}: holds {', '.join(effects)} of an earlier export, which the new effects "
+            "would count twice: export with the MJCF or URDF that was there before"
+        )
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
     for place, name in enumerate(exported.robot.joints):
@@ -170,25 +184,6 @@ def _body_elements(body: Any, *tags: str) -> Iterator[Any]:
             yield from _body_elements(node, *tags)
         else:
             yield node
-
-
-def _require_written_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
-    """Refuse a file in which MuJoCo does not take the `<inertial>` as written."""
-    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-    settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
-    # A version of MuJoCo need not have all of them.
-    settings += [name for name in _CHANGES_INERTIALS if getattr(spec.compiler, name, 0) > 0]
-    if settings:
-        raise UsageError(
-            f"{source}: <compiler> has {', '.join(settings)}, so that the <inertial> of a body is "
-            "not what is simulated: write the inertials out without it (`mj_saveLastXML` does)"
-        )
-    effects = [name for name, places in native_elements(mujoco, model).items() if places]
-    if effects:
-        raise UsageError(
-            f"{source}: holds {', '.join(effects)} of an earlier export, which the new effects "
-            "would count twice: export with the MJCF or URDF that was there before"
-        )
 
 
 @dataclass(frozen=True)

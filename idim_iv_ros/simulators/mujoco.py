@@ -39,7 +39,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import LinkFrames, link_frames
-from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads, set_first
+from idim_iv_ros.model.mjcf import load_mujoco, mujoco_reads, set_first
 from idim_iv_ros.simulation import dry_friction, effect_kernel
 from idim_iv_ros.simulation.affected_robot import (
     affected_plant,

@@ -25,8 +25,13 @@ from idim_iv_ros.estimation.sources import instrument_sources
 from idim_iv_ros.files import EFFECTS, FilePath, FilePaths, read_text
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
-from idim_iv_ros.model.mjcf import is_mjcf, native_elements
-from idim_iv_ros.model.mujoco_package import load_mujoco, mujoco_reads, mujoco_warnings
+from idim_iv_ros.model.mjcf import (
+    is_mjcf,
+    load_mujoco,
+    mujoco_reads,
+    mujoco_warnings,
+    native_elements,
+)
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect

@@ -7,7 +7,7 @@ from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
-from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.report.advice import FAMILIES, contrast_headline, contrast_steps
 from idim_iv_ros.report.gap_words import effect_at, hint_words, small_unit, torque_unit
 from idim_iv_ros.report.numerals import (

@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model.skeleton import Skeleton
+from idim_iv_ros.model.link_motion import Skeleton
 from idim_iv_ros.report.advice import (
     diagnosis_headline,
     diagnosis_steps,
