@@ -331,7 +331,27 @@ def design_excitation(
     that no posture keeps above. DataError: no motion within the limits was found.
     """
     began = time.monotonic()
-    require_possible(settings, limits, model.robot.joints)
+    FourierBasis(settings.period, settings.harmonics)
+    if not 1 <= settings.repeats <= MOST_SAMPLES:
+        raise UsageError(f"repeats {settings.repeats}: 1 to {MOST_SAMPLES} are possible")
+    if settings.harmonics > _MOST_HARMONICS:
+        raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
+    require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
+    if not 0.0 < settings.time_limit < np.inf:
+        raise UsageError(f"time limit {settings.time_limit:g}: a finite number above 0 is needed")
+    samples = settings.period * settings.rate
+    if abs(samples - round(samples)) > 1e-6 * samples:
+        raise UsageError(
+            f"a period of {settings.period:g} s at {settings.rate:g} per second is no whole "
+            "number of samples; change the one or the other"
+        )
+    if samples < SAMPLES_PER_HARMONIC * settings.harmonics:
+        raise UsageError(
+            f"{settings.rate:g} samples per second: {settings.harmonics} harmonics of "
+            f"{settings.period:g} s need {SAMPLES_PER_HARMONIC * settings.harmonics} a period"
+        )
+    if settings.start is not None:
+        require_inside(settings.start, limits, model.robot.joints)
     report = progress or (lambda stage, share: None)
     search = _Search(model, limits, settings, report, began + settings.time_limit)
     # The matrices are small: threads of the linear algebra would cost more than they bring.
@@ -365,36 +385,6 @@ def design_excitation(
         ended_early=search.ended_early,
         seconds=time.monotonic() - began,
     )
-
-
-def require_possible(
-    settings: DesignSettings, limits: MotionLimits, joints: tuple[str, ...]
-) -> None:
-    """Refuse settings outside their range.
-
-    Raises UsageError: one line that names the setting.
-    """
-    FourierBasis(settings.period, settings.harmonics)
-    if not 1 <= settings.repeats <= MOST_SAMPLES:
-        raise UsageError(f"repeats {settings.repeats}: 1 to {MOST_SAMPLES} are possible")
-    if settings.harmonics > _MOST_HARMONICS:
-        raise UsageError(f"harmonics {settings.harmonics}: at most {_MOST_HARMONICS} are possible")
-    require_sampling(settings.rate, settings.period * settings.repeats, "the motion")
-    if not 0.0 < settings.time_limit < np.inf:
-        raise UsageError(f"time limit {settings.time_limit:g}: a finite number above 0 is needed")
-    samples = settings.period * settings.rate
-    if abs(samples - round(samples)) > 1e-6 * samples:
-        raise UsageError(
-            f"a period of {settings.period:g} s at {settings.rate:g} per second is no whole "
-            "number of samples; change the one or the other"
-        )
-    if samples < SAMPLES_PER_HARMONIC * settings.harmonics:
-        raise UsageError(
-            f"{settings.rate:g} samples per second: {settings.harmonics} harmonics of "
-            f"{settings.period:g} s need {SAMPLES_PER_HARMONIC * settings.harmonics} a period"
-        )
-    if settings.start is not None:
-        require_inside(settings.start, limits, joints)
 
 
 class _Search:

@@ -423,7 +423,15 @@ def design_diagnosis(
             f"duration {duration:g}: {SHORTEST:g} to {LONGEST:g} s are needed for a diagnosis"
         )
     require_sampling(rate, duration, "the motion")
-    posture = _posture(model, limits, start)
+    frames, posture = moving_frames(model.robot), limits.middle
+    require_reachable(frames, limits)
+    if start is not None:
+        require_inside(start, limits, model.robot.joints)
+        posture = start
+    elif limits.floor is not None and np.min(frames.heights(posture[None])) <= limits.floor + 0.05:
+        shares = np.random.default_rng(7).uniform(-1.0, 1.0, (2000, len(limits.reach)))
+        postures = limits.middle + 0.5 * limits.reach * shares
+        posture = postures[np.argmax(frames.heights(postures).min(axis=1))]
     inertia = np.ones(len(posture))
     if limits.torque_checked:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
@@ -464,21 +472,6 @@ def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[
     if controller.type == "cascade":
         return gain / (2.0 * np.pi), True
     return np.sqrt(gain / np.maximum(inertia, 1e-9)) / (2.0 * np.pi), True
-
-
-def _posture(model: InverseModel, limits: MotionLimits, start: FloatArray | None) -> FloatArray:
-    """Return the posture (n_joints,) about which the robot moves, see `design_diagnosis`."""
-    frames = moving_frames(model.robot)
-    require_reachable(frames, limits)
-    if start is not None:
-        require_inside(start, limits, model.robot.joints)
-        return start
-    if limits.floor is None or np.min(frames.heights(limits.middle[None])) > limits.floor + 0.05:
-        return limits.middle
-    random = np.random.default_rng(7)
-    shares = random.uniform(-1.0, 1.0, (2000, len(limits.reach)))
-    postures = limits.middle + 0.5 * limits.reach * shares
-    return np.asarray(postures[np.argmax(frames.heights(postures).min(axis=1))])
 
 
 def _compose(

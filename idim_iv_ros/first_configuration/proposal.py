@@ -182,15 +182,16 @@ def propose_configuration(
         states, effort = choose_states(contents, wanted)
         servo = effort is None and not states.with_effort()
         efforts = topic_of(named.get("effort", "")) or (effort or states).name
-        joints = choose_joints(text, source, contents, states.name, None if servo else efforts)
-        topics, why = choose_topics(contents, joints.joints, wanted)
+        joints, left_out, warnings = choose_joints(
+            text, source, contents, states.name, None if servo else efforts
+        )
+        topics, why = choose_topics(contents, joints, wanted)
         sources = {**topics, **named}  # those of the driver where it names them
         reasons = {("signals", key): reason for key, reason in why.items()}
         values: dict[str, dict[str, object]] = {
-            "robot": {"joints": list(joints.joints)},
+            "robot": {"joints": joints},
             "signals": dict(sources),
         }
-        warnings = joints.warnings
         limits: tuple[float, ...] = ()
         if servo:
             values["signals"]["effort"] = NO_EFFORT
@@ -210,7 +211,7 @@ def propose_configuration(
             values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
             values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why_unit
             findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
-            warnings += tuple(f"{joints.joints[f.joint]}: {f.sentence}" for f in findings)
+            warnings += tuple(f"{joints[f.joint]}: {f.sentence}" for f in findings)
             most = prepared.model.robot.limits.effort
             if (most > 0.0).all() and np.isfinite(most).all():
                 limits = tuple(most.tolist())
@@ -227,11 +228,11 @@ def propose_configuration(
                 warnings, limits = (*warnings, _UNIT_WARNING), ()
     return Proposal(
         bags=paths,
-        joints=joints.joints,
+        joints=tuple(joints),
         urdf=None if urdf is None else Path(urdf),
         values=values,
         reasons=reasons,
-        left_out=joints.left_out,
+        left_out=left_out,
         limits=limits,
         warnings=warnings,
     )

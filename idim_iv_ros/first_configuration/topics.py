@@ -207,7 +207,13 @@ def choose_topics(
     """
     states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
-    common = [topic for topic in bags[0].topics if _in_all(topic, bags, joints)]
+    # Those on which every bag has positions of all joints.
+    whole = [
+        {(topic.name, topic.asked) for topic in bag.topics if topic.with_position() >= set(joints)}
+        for bag in bags
+    ]
+    shared = set.intersection(*whole)
+    common = [topic for topic in bags[0].topics if (topic.name, topic.asked) in shared]
     asked = [topic for topic in common if topic.asked]
     others = [t for t in common if t.kind == JOINT_STATE and t.name not in used]
     references = asked or [topic for topic in others if sounds_like_reference(topic.name)]
@@ -239,19 +245,6 @@ def choose_topics(
     return sources, reasons
 
 
-def _in_all(wanted: TopicContents, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:
-    """Whether every bag holds positions of all joints on the topic."""
-    return all(
-        any(
-            topic.name == wanted.name
-            and topic.asked == wanted.asked
-            and topic.with_position() >= set(joints)
-            for topic in bag.topics
-        )
-        for bag in bags
-    )
-
-
 def _summary(topic: TopicContents, bag: BagContents, joints: Sequence[str]) -> str:
     """Count the messages of these joints: a gripper may publish there, too."""
     count = min([topic.joints[name].messages for name in joints if name in topic.joints] or [0])
@@ -266,29 +259,23 @@ _STILL = {"revolute": 0.02, "continuous": 0.02, "prismatic": 0.002}  # rad, rad,
 _AWAY = 0.05  # rad or m
 
 
-@dataclass(frozen=True)
-class JointChoice:
-    """Joints that a first configuration names, and those that it leaves out."""
-
-    joints: tuple[str, ...]  # From the base to the tool
-    # Movable joints of the URDF and joints of the bag that are left out, and why
-    left_out: dict[str, str]
-    warnings: tuple[str, ...]  # Joints that are left out although they matter
-
-
 def choose_joints(
     urdf: str, source: str, bags: Sequence[BagContents], states: str, efforts: str | None
-) -> JointChoice:
-    """Choose the joints that move and have an effort in every bag.
+) -> tuple[list[str], dict[str, str], tuple[str, ...]]:
+    """Choose the joints that move and have an effort in every bag, from the base to the tool.
 
     - `urdf`, `source`: text of the URDF, and what to call it
     - `states`, `efforts`: topics; `efforts` is None for a robot without
+
+    Returns with them the movable joints of the URDF and joints of the bag that are left out, and
+    why, and warnings of those that are left out although they matter.
 
     Raises UsageError: not a URDF; see `read_urdf_text`; DataError: no joint is left.
     """
     robot = read_urdf_text(urdf, source)
     arrays = [topic.name for topic in bags[0].topics if topic.numbers]
-    chosen, left_out, warnings = [], {}, []
+    chosen: list[str] = []
+    left_out, warnings = {}, []
     for _, joint in robot.outward():
         if joint is None or joint.type == "fixed":
             continue
@@ -316,7 +303,7 @@ def choose_joints(
         raise DataError(
             f"{bags[0].path}: no joint of {source} can be identified ({why or 'it has none'})"
         )
-    return JointChoice(tuple(chosen), left_out, tuple(warnings))
+    return chosen, left_out, tuple(warnings)
 
 
 def _why_not(

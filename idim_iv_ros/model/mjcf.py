@@ -146,14 +146,10 @@ def _acts(mujoco: Any, model: Any, tendon: int) -> bool:
     """Whether a tendon does more than to measure a length."""
     numbers = (model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss)
     armature = getattr(model, "tendon_armature", np.zeros(model.ntendon))
-    driven = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (
-        model.actuator_trnid[:, 0] == tendon
-    )
-    return bool(
-        any(float(number[tendon]) != 0.0 for number in (*numbers, armature))
-        or model.tendon_limited[tendon]
-        or np.any(driven)
-    )
+    driven = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    loaded = any(float(number[tendon]) != 0.0 for number in (*numbers, armature))
+    pulled = np.any(driven & (model.actuator_trnid[:, 0] == tendon))
+    return bool(loaded or model.tendon_limited[tendon] or pulled)
 
 
 def _of_tendon(mujoco: Any, model: Any, tendon: int) -> set[int]:
@@ -185,29 +181,23 @@ def _between(model: Any, bodies: list[int]) -> set[int]:
 
 def extra_forces(mujoco: Any, model: Any) -> dict[int, str]:
     """Say of joints what acts on them that the nominal model has no term for."""
-    forces: dict[int, list[str]] = {}
+    forces: dict[int, list[str]] = defaultdict(list)
     effects = native_elements(mujoco, model)
+    # Coefficients beyond the first, where this version of MuJoCo has them.
+    springs = getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1)))
+    dampers = getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1)))
     for joint in range(model.njnt):
-        dof, words = int(model.jnt_dofadr[joint]), []
-        sprung = model.jnt_stiffness[joint] or np.any(_poly(model, "jnt_stiffnesspoly", joint))
+        sprung = model.jnt_stiffness[joint] or np.any(springs[joint])
         if sprung and joint not in effects.get(SPRING, []):
-            words.append("a spring (stiffness)")
-        curved = np.any(_poly(model, "dof_dampingpoly", dof))
+            forces[joint].append("a spring (stiffness)")
+        curved = np.any(dampers[int(model.jnt_dofadr[joint])])
         if curved and joint not in effects.get(DAMPING, []):
-            words.append("nonlinear damping")
-        if words:
-            forces[joint] = words
+            forces[joint].append("nonlinear damping")
     special = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", -1)
     at_joints = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     for actuator in np.flatnonzero(at_joints & (model.actuator_gaintype == special)):
-        forces.setdefault(int(model.actuator_trnid[actuator, 0]), []).append("a dcmotor")
+        forces[int(model.actuator_trnid[actuator, 0])].append("a dcmotor")
     return {joint: " and ".join(words) for joint, words in forces.items()}
-
-
-def _poly(model: Any, name: str, index: int) -> Any:
-    """Coefficients beyond the first; zero where this version of MuJoCo has none."""
-    values = getattr(model, name, None)
-    return 0.0 if values is None else values[index]
 
 
 def notes(mujoco: Any, model: Any) -> list[str]:
@@ -373,33 +363,30 @@ class _Writer:
         if not (hinge or slide):
             urdf_type, anchor = "floating", np.zeros(3)
         placement = placement * pin.SE3(np.eye(3), anchor - before)
-        parts, beyond = [], {}
+        parts, beyond, limits = [], {}, {}
         if hinge or slide:
             reference, dof = float(model.qpos0[place]), int(model.jnt_dofadr[index])
             placement = placement * joint_motion(urdf_type, axis, -reference)
-            parts = [element("axis", xyz=_numbers(*axis)), *self._numbers_of(index, limited)]
-            armature = model.dof_armature[dof] + self._motor(index)[1]
+            effort, armature, damping = self._motor(index)
+            if limited:
+                lower, upper = model.jnt_range[index]
+                limits = {"lower": _numbers(lower), "upper": _numbers(upper)}
+            if np.isfinite(effort):
+                limits["effort"] = _numbers(effort)
+            friction = {
+                "damping": _numbers(model.dof_damping[dof] + damping),
+                "friction": _numbers(model.dof_frictionloss[dof]),
+            }
+            parts = [element("axis", xyz=_numbers(*axis))]
+            parts += [element("limit", **limits)] if limits else []
+            parts += [element("dynamics", **friction)]
+            armature += model.dof_armature[dof]
             beyond = {"armature": _numbers(armature), "rest": _numbers(self.home[place])}
         for key, reasons in (("tied", self.tied), ("beyond", self.extra)):
             if index in reasons:
                 beyond[key] = reasons[index]
         parts += [_origin(placement), element(EXTENSION, **beyond)]
         return _joint(self._name(index), urdf_type, carrier, child, *parts), anchor
-
-    def _numbers_of(self, index: int, limited: bool) -> Iterator[Element]:
-        """Limits, where there are any, and friction of a joint."""
-        model, limits = self.model, {}
-        if limited:
-            lower, upper = model.jnt_range[index]
-            limits = {"lower": _numbers(lower), "upper": _numbers(upper)}
-        effort, _, damping = self._motor(index)
-        if np.isfinite(effort):
-            limits["effort"] = _numbers(effort)
-        if limits:
-            yield element("limit", **limits)
-        dof = int(model.jnt_dofadr[index])
-        damping, friction = model.dof_damping[dof] + damping, model.dof_frictionloss[dof]
-        yield element("dynamics", damping=_numbers(damping), friction=_numbers(friction))
 
     def _motor(self, index: int) -> tuple[float, float, float]:
         """Largest torque of the joint's actuators, their armature and damping at the joint."""

@@ -13,7 +13,6 @@ recording decides what it shows, and the divergence from the nominal model the r
 
 import time
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -133,15 +132,23 @@ def nearest_physical(
     scale = _scales(base, coordinates.drives, nominal, values)
 
     def solve(estimate: FloatArray) -> FloatArray:
-        problem = ConicProblem(
-            matrix=root @ group[shown],
-            right=root @ estimate[shown],
-            nominal=nominal,
-            scale=scale,
-            bounded=bounded,
-            weights=np.ones(len(coordinates.links)),
-        )
-        x = _solved(problem, TIE_BREAKER)
+        tie_breaker = TIE_BREAKER
+        while True:
+            problem = ConicProblem(
+                matrix=root @ group[shown],
+                right=root @ estimate[shown],
+                nominal=nominal,
+                scale=scale / np.sqrt(tie_breaker),
+                bounded=bounded,
+                weights=np.full(len(coordinates.links), tie_breaker),
+            )
+            try:
+                x = problem.solve()
+                break
+            except DataError:  # a recording almost without noise: λ is below the solver's digits
+                if tie_breaker > _LARGEST_TIE_BREAKER / 2.0:
+                    raise
+                tie_breaker *= 10.0
         drives = x[10 * len(coordinates.links) :]
         drives[bounded & (drives < AT_ZERO * drive_std)] = 0.0
         return x
@@ -151,7 +158,21 @@ def nearest_physical(
     x = solve(values)
     standard = coordinates.to_standard @ x
     consistent = base.grouping @ standard
-    links = _links(robot, base, coordinates, group[shown], values[shown], x)
+    # The estimate, split as the nominal model splits it: drives and friction keep their place.
+    start = coordinates.reference
+    start[10 * len(coordinates.links) :] = nominal
+    missing = values[shown] - group[shown] @ start
+    change, *_ = np.linalg.lstsq(group[shown], missing, rcond=None)
+    before = coordinates.to_standard @ (start + change)
+    links = []
+    for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
+        first, second = (
+            float(np.linalg.eigvalsh(link.relative(parameters[place]))[0])
+            for parameters in (before, standard)
+        )
+        eigenvalues = tuple(map(float, link.eigenvalues(standard[place])))
+        held_back = second < _ACTIVE * LEAST_OF_NOMINAL
+        links.append(LinkInertia(joint, first, second, LEAST_OF_NOMINAL, eigenvalues, held_back))
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
     # Whether the recording shows standard parameters alone, in a sum, or not at all.
     rows = base.grouping[shown]
@@ -199,7 +220,7 @@ def nearest_physical(
             )
             for k, parameter in enumerate(base.layout.parameters)
         ),
-        links=links,
+        links=tuple(links),
         base=tuple(
             BaseChange(name, value, error, new, (new - value) / error if error > 0.0 else np.nan)
             for name, value, error, new in zip(
@@ -212,19 +233,6 @@ def nearest_physical(
         torque_error=error,
         seconds=time.perf_counter() - begin,
     )
-
-
-def _solved(problem: ConicProblem, tie_breaker: float) -> FloatArray:
-    """Solve a problem of weight one with λ; a larger one where λ is below the solver's digits."""
-    weighted = replace(
-        problem, scale=problem.scale / np.sqrt(tie_breaker), weights=tie_breaker * problem.weights
-    )
-    try:
-        return weighted.solve()
-    except DataError:  # a recording almost without noise
-        if tie_breaker > _LARGEST_TIE_BREAKER / 2.0:
-            raise
-        return _solved(problem, 10.0 * tie_breaker)
 
 
 def nearest_body(
@@ -267,31 +275,6 @@ def _scales(
             sums = np.abs(values[rows] / base.grouping[rows, column])
             scale[k] = max(scale[k], float(sums.max()))
     return np.where(scale > 0.0, scale, 1.0)
-
-
-def _links(
-    robot: RobotModel,
-    base: BaseParameters,
-    coordinates: Coordinates,
-    group: FloatArray,
-    values: FloatArray,
-    x: FloatArray,
-) -> tuple[LinkInertia, ...]:
-    """Eigenvalues of the links' pseudo-inertias, of the estimate and of the nearest bodies."""
-    start = coordinates.reference
-    # Drives and friction keep their place: only what links have in common with them is split.
-    start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
-    change, *_ = np.linalg.lstsq(group, values - group @ start, rcond=None)
-    before, after = coordinates.to_standard @ (start + change), coordinates.to_standard @ x
-    listed = []
-    for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
-        first, second = (
-            float(np.linalg.eigvalsh(link.relative(values[place]))[0]) for values in (before, after)
-        )
-        eigenvalues = tuple(map(float, link.eigenvalues(after[place])))
-        active = second < _ACTIVE * LEAST_OF_NOMINAL
-        listed.append(LinkInertia(joint, first, second, LEAST_OF_NOMINAL, eigenvalues, active))
-    return tuple(listed)
 
 
 def _standard_deviations(

@@ -381,6 +381,7 @@ def fit_robot(
     drives = np.array([estimate.drive for estimate in estimates])
     spread = np.sqrt([np.diag(estimate.covariance) for estimate in estimates])
     places = np.argwhere(spread > 0.0)
+    free = tuple(places.T)
     low = np.array([-np.inf if PARAMETERS[k] == "offset" else 0.0 for _, k in places])
     current = list(runs)
     residual = residuals(current, drives)
@@ -399,8 +400,7 @@ def fit_robot(
         change = np.linalg.lstsq(weighted.T @ slopes, weighted.T @ residual, rcond=1e-12)[0]
         for halving in range(_HALVINGS):
             trial = drives.copy()
-            values = drives[tuple(places.T)] + change * 0.5**halving
-            trial[tuple(places.T)] = np.maximum(values, low)
+            trial[free] = np.maximum(drives[free] + change * 0.5**halving, low)
             simulated = [followed_motion(run, trial) for run in current]
             if not np.isfinite(np.concatenate(simulated, axis=1)).all():
                 continue
@@ -413,10 +413,9 @@ def fit_robot(
             break
         fallen = 1.0 - float(left @ (weights * left)) / cost
         # Broyden: what the step showed of the sensitivities.
-        taken = trial[tuple(places.T)] - drives[tuple(places.T)]
-        scaled = taken / spread[tuple(places.T)]
-        missed = (residual - left) - slopes @ taken
-        slopes = slopes + np.outer(missed, scaled / spread[tuple(places.T)]) / (scaled @ scaled)
+        taken = trial[free] - drives[free]
+        scaled, missed = taken / spread[free], (residual - left) - slopes @ taken
+        slopes = slopes + np.outer(missed, scaled / spread[free]) / (scaled @ scaled)
         drives, current, residual = trial, along, left
         cost *= 1.0 - fallen
         if fallen < _ENOUGH:

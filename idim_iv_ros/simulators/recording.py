@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
+from scipy.interpolate import CubicHermiteSpline
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.encoding import json_text
@@ -65,7 +65,12 @@ class SimulatedRobot:
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
-        position, velocity = _resample(trajectory, rate)
+        position, velocity = trajectory.position, trajectory.velocity
+        if abs(rate / trajectory.rate - 1.0) >= 1e-9:
+            samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
+            motion = CubicHermiteSpline(trajectory.time, position, velocity)
+            time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
+            position, velocity = motion(time), motion(time, 1)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
         levels = settings.model_dump(include=_NOISE, exclude_none=True)
         noise: dict[str, Any] = {name: np.asarray(level) for name, level in levels.items()}
@@ -134,18 +139,6 @@ def simulated_robot(
         description=text,
         effects=effects,
     )
-
-
-def _resample(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities at another rate, interpolated by cubic polynomials."""
-    if abs(rate / trajectory.rate - 1.0) < 1e-9:
-        return trajectory.position, trajectory.velocity
-    samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
-    motion = scipy.interpolate.CubicHermiteSpline(
-        trajectory.time, trajectory.position, trajectory.velocity
-    )
-    time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
-    return motion(time), motion(time, 1)
 
 
 TRUTH = ".truth.json"
