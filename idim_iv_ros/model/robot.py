@@ -115,14 +115,14 @@ def load_robot(
     given.coupling_inertia[:] = given.drive_inertia[given.coupling_joints[:, 1]]
     given.viscous[:] = [joint.damping for joint in elements]
     given.coulomb[:] = [joint.friction for joint in elements]
-    above = {joint.child: joint for joint in description.joints.values()}
+    carrier_of = {joint.child: joint for joint in description.joints.values()}
     carriers: list[str] = []
     for carried in elements:
-        carrier = above.get(carried.parent)
+        carrier = carrier_of.get(carried.parent)
         while carrier is not None:
             if carrier.type in MOVABLE and carrier.name not in (*joints, *carriers):
                 carriers.append(carrier.name)
-            carrier = above.get(carrier.parent)
+            carrier = carrier_of.get(carrier.parent)
     return RobotModel(
         name=name or description.name or "robot",
         joints=tuple(joints),

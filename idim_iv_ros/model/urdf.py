@@ -161,7 +161,7 @@ def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[s
     impossible: list[str] = []
     doubts: list[str] = []
     length = sum(float(np.linalg.norm(j.placement.translation)) for j in urdf.joints.values())
-    judged = [
+    verdicts = [
         (f"link {quoted(name)}", _judge_inertial(inertial, max(length, _NEAR)))
         for name, inertial in urdf.links.items()
         if inertial is not None
@@ -169,8 +169,8 @@ def judge_urdf(urdf: Urdf, identified: Sequence[str]) -> tuple[list[str], list[s
     for name in identified:
         joint = urdf.joints.get(name)
         if joint is not None and joint.type in MOVABLE:
-            judged.append((f"joint {quoted(name)}", _judge_joint(joint)))
-    for what, (wrong, strange) in judged:
+            verdicts.append((f"joint {quoted(name)}", _judge_joint(joint)))
+    for what, (wrong, strange) in verdicts:
         impossible += [f"{what}: {text}" for text in wrong]
         doubts += [f"{what}: {text}" for text in strange]
     return impossible, doubts

@@ -171,8 +171,8 @@ def nearest_physical(
             for parameters in (before, standard)
         )
         eigenvalues = tuple(map(float, link.eigenvalues(standard[place])))
-        held_back = second < _ACTIVE * LEAST_OF_NOMINAL
-        links.append(LinkInertia(joint, first, second, LEAST_OF_NOMINAL, eigenvalues, held_back))
+        active_link = second < _ACTIVE * LEAST_OF_NOMINAL
+        links.append(LinkInertia(joint, first, second, LEAST_OF_NOMINAL, eigenvalues, active_link))
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
     # Whether the recording shows standard parameters alone, in a sum, or not at all.
     rows = base.grouping[shown]

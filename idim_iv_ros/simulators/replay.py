@@ -76,8 +76,8 @@ class StageModel:
         """Return the model with effects, without those that elements of its file have already."""
         # Motors of a replay take the place of the file's actuators, and with them of their delay.
         # A model that is made here has no effect of its own.
-        held = [bool(self.xml and e.native and BY_NAME[e.effect].element_of) for e in effects]
-        ours = [replace(e, native=native) for e, native in zip(effects, held, strict=True)]
+        native = [bool(self.xml and e.native and BY_NAME[e.effect].element_of) for e in effects]
+        ours = [replace(e, native=kept) for e, kept in zip(effects, native, strict=True)]
         words = f"{self.words}, with {', '.join(dict.fromkeys(e.effect for e in ours))}"
         return replace(self, name=WITH_EFFECTS, words=words, effects=(*self.effects, *ours))
 
