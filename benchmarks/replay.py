@@ -33,7 +33,7 @@ from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.simulators.effects_file import read_effects
 from idim_iv_ros.simulators.mujoco_loop import References, run_in_mujoco
 from idim_iv_ros.simulators.recording import simulated_robot
-from idim_iv_ros.simulators.replay_models import plant_stage
+from idim_iv_ros.simulators.replay import plant_stage
 from idim_iv_ros.simulators.replay_result import CORRECTED, NOMINAL, WITH_EFFECTS
 
 FloatArray = NDArray[np.float64]

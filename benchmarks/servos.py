@@ -11,7 +11,7 @@ not in the project: README says where they are published.
 import argparse
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,10 +21,18 @@ from numpy.typing import NDArray
 
 from benchmarks.measurement import write_page
 from idim_iv_ros.model.robot import load_robot
-from idim_iv_ros.servo.fit import Drive, DriveEstimate, Run, fit_factor, ordinary_least_squares
+from idim_iv_ros.servo.fit import (
+    Drive,
+    DriveEstimate,
+    Motion,
+    Run,
+    fit_factor,
+    fit_joint,
+    fit_servos,
+    ordinary_least_squares,
+)
+from idim_iv_ros.servo.identify import absolute_numbers, interval_width, ratio_numbers
 from idim_iv_ros.servo.loop_kernel import Load
-from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, ratio_numbers
-from idim_iv_ros.servo.robot_fit import Motion, fit_joint, fit_servos
 
 FloatArray = NDArray[np.float64]
 GRAVITY = 9.81
@@ -86,6 +94,21 @@ def sts3215(folder: Path) -> dict[str, Run]:
     return runs
 
 
+def with_load(run: Run) -> Callable[[float], Run]:
+    """Return the run whose load is multiplied by a factor."""
+
+    def scaled(factor: float) -> Run:
+        mass, torque, slope, position = run.load
+        return replace(run, load=Load(factor * mass, factor * torque, factor * slope, position))
+
+    return scaled
+
+
+def with_gain(run: Run) -> Callable[[float], Run]:
+    """Return the run whose gain is multiplied by a factor."""
+    return lambda factor: replace(run, gain=factor * run.gain)
+
+
 def masses(runs: dict[str, Run]) -> list[str]:
     """Masses of runs that were not used, as factors of the true ones."""
     lines = [
@@ -102,7 +125,7 @@ def masses(runs: dict[str, Run]) -> list[str]:
             }  # fmt: skip
             answer = fit_joint([run for name, run in chosen.items() if used in name])
             tested = [run for name, run in chosen.items() if other in name]
-            factors = np.array([fit_factor(run, answer, "load") for run in tested])
+            factors = np.array([fit_factor(with_load(run), answer) for run in tested])
             off, width = np.abs(factors[:, 0] - 1.0), interval_width(answer)
             close, covered = int((off < 0.05).sum()), int((off < width * factors[:, 1]).sum())
             near, inside, count = near + close, inside + covered, count + len(tested)
@@ -172,7 +195,7 @@ def wrong_gains(folder: Path) -> list[str]:
     for ran, said in cases:
         others = [replace(run, gain=kp / 100.0) for kp, run in runs.items() if kp != ran]
         answer = fit_joint(others)
-        factor, std = fit_factor(replace(runs[ran], gain=said / 100.0), answer, "gain")
+        factor, std = fit_factor(with_gain(replace(runs[ran], gain=said / 100.0)), answer)
         wide = interval_width(answer) * std
         agrees = abs(factor - 1.0) < max(wide, 0.1)
         lines.append(

@@ -35,8 +35,7 @@ from idim_iv_ros import diagnose, export
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
-from idim_iv_ros.simulators.mujoco import STIFFEST, Effects
-from idim_iv_ros.simulators.mujoco_parts import add_motors
+from idim_iv_ros.simulators.mujoco import STIFFEST, Effects, add_motors
 
 FloatArray = NDArray[np.float64]
 # What acts in a step beyond the model: friction that is no constant.

@@ -78,8 +78,14 @@ def excite_command(
     from idim_iv_ros.configuration import load_configuration
     from idim_iv_ros.excitation.design import DesignSettings
     from idim_iv_ros.excitation.diagnosis import design_diagnosis
-    from idim_iv_ros.excitation.excite import excite, load_model, servo_motion
-    from idim_iv_ros.excitation.files import diagnosis_document, require_place, write_motion
+    from idim_iv_ros.excitation.excite import (
+        diagnosis_document,
+        excite,
+        load_model,
+        require_place,
+        servo_motion,
+        write_motion,
+    )
     from idim_iv_ros.excitation.limits import motion_limits
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -135,7 +141,7 @@ def _print_excitation(
     console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
     """Print condition numbers, limits used, and the parameters that stay badly excited."""
-    from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
+    from idim_iv_ros.excitation.design import BAD_DEVIATION, BAD_SHARE
 
     design = excitation.design
     console.print(
@@ -194,7 +200,7 @@ def _print_segments(
     console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
 ) -> None:
     """Print the segments by kind with the effects that they show, and the limits used."""
-    from idim_iv_ros.excitation.segments import NOT_REVEALED
+    from idim_iv_ros.excitation.diagnosis import NOT_REVEALED
 
     segments = diagnosis.segments
     console.print(

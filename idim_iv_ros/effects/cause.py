@@ -118,7 +118,7 @@ class Cause(ABC):
     # Place in the catalogue: where two explain equally well, the lower one counts.
     order: ClassVar[int]
     # What to record so that it shows: in words, and as kinds of segment of the designed motion
-    # (`excitation.segments`); where no segment shows it, `beyond_motion` says what does.
+    # (`excitation.diagnosis`); where no segment shows it, `beyond_motion` says what does.
     excitation: ClassVar[str]
     segments: ClassVar[tuple[str, ...]] = ()
     beyond_motion: ClassVar[str] = ""

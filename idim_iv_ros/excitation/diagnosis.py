@@ -1,4 +1,9 @@
-"""A motion whose labelled segments separate the causes of a gap: which, where, how fast."""
+"""A motion whose labelled segments separate the causes of a gap: which, where, how fast.
+
+The shape of a segment (3, n_samples, n_joints) starts and ends at rest: position, velocity and
+acceleration relative to its start, at 0, 1/rate, … up to but without the end, where the next one
+begins.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -6,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
+from idim_iv_ros.effects.registry import BY_NAME, CAUSES
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.limits import (
     LimitUse,
@@ -16,16 +22,10 @@ from idim_iv_ros.excitation.limits import (
     require_reachable,
     use_within,
 )
-from idim_iv_ros.excitation.segments import (
-    Segment,
-    multisine,
-    rest_to_rest,
-    reversals,
-    there_and_back,
-)
 from idim_iv_ros.excitation.trajectory import (
     QUINTIC_SPEED,
     Trajectory,
+    quintic,
     require_sampling,
     shortest_quintic,
 )
@@ -33,6 +33,179 @@ from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.types import FloatArray
+
+# Kinds of segment; which effects each reveals is in the files of `effects/`.
+KINDS = ("repeat", "range_sweep", "creep", "plateau", "reversals", "multisine")
+EFFECTS: dict[str, tuple[str, ...]] = {
+    kind: tuple(cause.name for cause in CAUSES if kind in cause.segments) for kind in KINDS
+}
+NOT_REVEALED = {cause.name: cause.beyond_motion for cause in CAUSES if not cause.segments}
+
+LOWEST_LINE = 0.5  # Hz
+_FADE = 1.0  # s
+
+# Pairs that no motion separates.
+_NO_MOTION = {
+    frozenset({"payload", "link_inertia"}): (
+        "no motion does if the load is fixed to the link; take it off and record once more"
+    ),
+    frozenset({"torque_offset", "asymmetric_friction"}): (
+        "no motion does: dry friction that differs between the directions is a constant torque "
+        "beside its mean. Measure the torque without the drive's friction, behind the gear"
+    ),
+    frozenset({"position_ripple", "gain_ripple"}): (
+        "no motion does in which the torque of the joint hardly changes: record the same positions "
+        "once more under another load"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of a motion for diagnosis, with the effects that it reveals."""
+
+    name: str
+    kind: str
+    offset: FloatArray  # (n_joints,): where it starts, relative to the base posture, rad (m)
+    shape: FloatArray  # (3, n_samples, n_joints): position, velocity, acceleration from its start
+    speed: FloatArray | None = None  # (n_joints,): constant, of the way there, rad/s (m/s)
+    amplitude: FloatArray | None = None  # (n_joints,): largest deviation, rad (m)
+    frequency: tuple[float, float] | None = None  # (lowest, highest) Hz
+    start: float = 0.0  # s, in the motion, once it has a place there
+    end: float = 0.0  # s
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that the segment reveals on a robot with this number of joints."""
+        joints = len(self.offset)
+        return tuple(name for name in EFFECTS[self.kind] if joints >= BY_NAME[name].joints_needed)
+
+
+def separating_motion(first: str, second: str) -> str:
+    """Return in words which segments of ``excite --for diagnosis`` separate two effects.
+
+    A segment that reveals one effect and not the other separates them; where there is none,
+    those that reveal either are named. Empty where nothing is known of either.
+    """
+    pair = frozenset({first, second})
+    if pair in _NO_MOTION:
+        return _NO_MOTION[pair]
+    apart = [kind for kind, effects in EFFECTS.items() if (first in effects) != (second in effects)]
+    either = [kind for kind, effects in EFFECTS.items() if first in effects or second in effects]
+    needs = [NOT_REVEALED[answer] for answer in (first, second) if answer in NOT_REVEALED]
+    kinds = apart or either
+    if kinds:
+        names = " and ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+        plural = "s" if len(kinds) > 1 else ""
+        needs.insert(0, f"the segment{plural} {names} of idim-iv excite --for diagnosis")
+    return "; ".join(needs)
+
+
+def rest_to_rest(displacement: FloatArray, seconds: float, rate: float) -> FloatArray:
+    """Quintic shape from rest to rest, see `quintic`."""
+    s, seconds = _phase(seconds, rate)
+    return quintic(s) / seconds ** np.arange(3)[:, None, None] * displacement
+
+
+def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) -> FloatArray:
+    """Constant speed for `plateau` s, and the same way back.
+
+    The speed rises and falls within `ramp` s as 3s² - 2s³, so that the acceleration is
+    continuous, zero at both ends, and 1.5 speed / ramp at most. Its length is
+    speed · (plateau + ramp).
+    """
+    rise, ramp = _phase(ramp, rate)
+    flat = np.zeros((max(round(plateau * rate), 1), 1))
+    level = np.vstack([3 * rise**2 - 2 * rise**3, flat + 1.0, 1.0 - 3 * rise**2 + 2 * rise**3])
+    slope = 6.0 * rise * (1.0 - rise) / ramp
+    slope = np.vstack([slope, flat, -slope])
+    up = ramp * (rise**3 - 0.5 * rise**4)
+    middle = 0.5 * ramp + np.arange(len(flat))[:, None] / rate
+    top = 0.5 * ramp + len(flat) / rate
+    way = np.vstack([up, middle, top + ramp * (rise - rise**3 + 0.5 * rise**4)])
+    far = top + 0.5 * ramp
+    way, level = np.vstack([way, far - way]), np.vstack([level, -level])
+    return np.stack([way, level, np.vstack([slope, -slope])]) * speed
+
+
+def waves(
+    amplitude: FloatArray,
+    frequency: FloatArray,
+    phase: FloatArray,
+    seconds: float,
+    fade: float,
+    rate: float,
+) -> FloatArray:
+    """Sum of sines of (n_lines, n_joints) each, faded in and out over `fade` s (quintic)."""
+    s, seconds = _phase(seconds, rate)
+    time = s * seconds
+    position, velocity, acceleration = np.zeros((3, len(s), amplitude.shape[1]))
+    for a, f, p in zip(amplitude, frequency, phase, strict=True):
+        pulsation = 2.0 * np.pi * f
+        position += a * np.sin(pulsation * time + p)
+        velocity += a * pulsation * np.cos(pulsation * time + p)
+        acceleration -= a * pulsation**2 * np.sin(pulsation * time + p)
+    distance = np.minimum(time, seconds - time)
+    window, slope, curvature = quintic(np.clip(distance / fade, 0.0, 1.0))
+    first, second = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope, curvature / fade**2
+    faded_velocity = window * velocity + first * position
+    faded_acceleration = window * acceleration + 2.0 * first * velocity + second * position
+    return np.stack([window * position, faded_velocity, faded_acceleration])
+
+
+def reversals(
+    joints: int, amplitude: float, frequency: float, seconds: float, rate: float
+) -> Segment:
+    """The same sine, rad (m) and Hz, at all joints, faded in and out over one of its periods."""
+    level, line = np.full((1, joints), amplitude), np.full((1, joints), frequency)
+    shape = waves(level, line, np.zeros((1, joints)), seconds, 1.0 / frequency, rate)
+    return Segment(
+        f"reversals_{1000 * amplitude:g}_mrad_{frequency:g}_Hz",
+        "reversals",
+        np.zeros(joints),
+        shape,
+        amplitude=level[0],
+        frequency=(frequency, frequency),
+    )
+
+
+def multisine(
+    highest: FloatArray, amplitude: float, seconds: float, rate: float, seed: int
+) -> Segment:
+    """Sum of sines of random phase from 0.5 Hz up to `highest`, faded in and out over 1 s.
+
+    No line k/T is shared: k ≡ joint modulo the number of joints, so that what one joint does to
+    another is apart from its response. All lines have the same velocity. `highest`: (n_joints,) Hz;
+    `amplitude`: largest deviation, rad (m).
+    """
+    joints = len(highest)
+    flat = max(seconds - 2.0 * _FADE, 2.0 / LOWEST_LINE)
+    # At least two lines for each joint, however slow its loop.
+    highest = np.maximum(highest, LOWEST_LINE + 2.0 * joints / flat)
+    numbers = np.arange(1, int(highest.max() * flat) + 1)[:, None]
+    lines = numbers / flat
+    of_joint = numbers % joints == np.arange(joints)
+    used = of_joint & (lines >= LOWEST_LINE) & (lines <= highest)
+    phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, used.shape)
+    frequency = np.broadcast_to(lines, used.shape)
+    level = np.where(used, 1.0 / frequency, 0.0)
+    total = flat + 2.0 * _FADE
+    shape = waves(level, frequency, phase, total, _FADE, rate)
+    return Segment(
+        "multisine",
+        "multisine",
+        np.zeros(joints),
+        amplitude / np.abs(shape[0]).max(axis=0) * shape,
+        amplitude=np.full(joints, amplitude),
+        frequency=(float(lines[used.any(axis=1)].min()), float(highest.max())),
+    )
+
+
+def _phase(seconds: float, rate: float) -> tuple[FloatArray, float]:
+    """Progress from 0 up to but without 1, (n_samples, 1), and the seconds it really takes."""
+    samples = max(int(np.ceil(seconds * rate - 1e-6)), 2)
+    return np.arange(samples)[:, None] / samples, samples / rate
+
 
 CREEP_SHARES = (0.005, 0.02)  # of the velocity limit
 PLATEAU_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)  # of the fastest plateau that has room
@@ -69,11 +242,14 @@ class DiagnosisPlanner:
         time = {kind: share * seconds for kind, share in _SHARES.items()}
         repeat = self._repeat(time["repeat"] / 3.0)
         first = [*self._sweeps(time["range_sweep"] / 2.0), *self._creeps(time["creep"])]
-        second = [
-            *self._plateaus(time["plateau"]),
-            *self._reversals(time["reversals"]),
-            self._multisine(time["multisine"]),
+        small = [
+            reversals(len(self.posture), amplitude, frequency, slot, self.rate)
+            for amplitude, frequency in REVERSALS
+            for slot in [max(time["reversals"] / len(REVERSALS), 4.0 / frequency)]
         ]
+        highest, long = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0), time["multisine"]
+        small.append(multisine(highest, MULTISINE_AMPLITUDE, long, self.rate, self.seed))
+        second = [*self._plateaus(time["plateau"]), *map(self._sized, small)]
         named = [replace(repeat, name=f"repeat_{k}") for k in (1, 2, 3)]
         return [named[0], *first, named[1], *second, named[2]]
 
@@ -104,9 +280,11 @@ class DiagnosisPlanner:
         allowed = 0.5 * self.limits.margin * self.limits.acceleration
         return max(_SHORTEST_RAMP, float(np.max(1.5 * np.abs(speed) / allowed)))
 
-    def _pattern(self, alternate: bool) -> FloatArray:
-        joints = len(self.posture)
-        return np.where(np.arange(joints) % 2 == 1, -1.0, 1.0) if alternate else np.ones(joints)
+    @property
+    def _patterns(self) -> tuple[FloatArray, FloatArray]:
+        """Directions (n_joints,) of joints together, and against each other."""
+        together = np.ones(len(self.posture))
+        return together, np.where(np.arange(len(together)) % 2 == 1, -1.0, 1.0)
 
     def _repeat(self, seconds: float) -> Segment:
         def make(size: float) -> Segment:
@@ -126,52 +304,44 @@ class DiagnosisPlanner:
         """The whole range, all joints in the same direction and in opposite ones."""
         ramp = self._ramp(self.limits.velocity)
         plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
-        for alternate, name in ((False, "same_direction"), (True, "opposite_directions")):
-            if alternate and len(self.posture) == 1:
-                return
-            reach = self._pattern(alternate) * self.limits.reach
+        names = ("range_sweep_same_direction", "range_sweep_opposite_directions")
+        for name, pattern in zip(names[: len(self.posture)], self._patterns, strict=False):
+            reach = pattern * self.limits.reach
 
             def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
                 speed = 2.0 * size * reach / (plateau + ramp)
                 low = size * (self.limits.middle - self.posture - reach)
                 shape = there_and_back(speed, plateau, ramp, self.rate)
-                return Segment(f"range_sweep_{name}", "range_sweep", low, shape, speed=speed)
+                return Segment(name, "range_sweep", low, shape, speed=speed)
 
             yield self._fit(make)
 
     def _creeps(self, seconds: float) -> Iterator[Segment]:
-        slot = seconds / len(CREEP_SHARES) / 2.0
-        room = self.limits.room(self.posture)
+        slot, room = seconds / len(CREEP_SHARES) / 2.0, self.limits.room(self.posture)
         for number, share in enumerate(CREEP_SHARES, start=1):
             speed = share * self.limits.velocity
-            yield self._plateau(f"creep_{number}", "creep", self.posture, room, speed, slot)
+            yield self._plateau(f"creep_{number}", self.posture, room, speed, slot)
 
     def _plateaus(self, seconds: float) -> Iterator[Segment]:
         """Constant speeds at two postures, the fastest first: the way of slower ones is shorter."""
         slot = seconds / len(PLATEAU_SHARES) / 4.0
-        shift = 0.4 * self.limits.room(self.posture) * self._pattern(True)
+        shift = 0.4 * self.limits.room(self.posture) * self._patterns[1]
         fastest = self.limits.margin * self.limits.velocity
         shortest = _SHORTEST_PLATEAU + self._ramp(fastest)
-        for place, pattern in ((1, self._pattern(False)), (2, self._pattern(True))):
+        for place, pattern in enumerate(self._patterns, start=1):
             centre = self.posture + (place - 1) * shift
             room = self.limits.room(centre)
             # Where the range is too short for a plateau at full speed, slower.
             speed = pattern * np.minimum(fastest, 2.0 * room / shortest)
             for number, share in enumerate(PLATEAU_SHARES, start=1):
                 name = f"plateau_{number}_posture_{place}"
-                plan = self._plateau(name, "plateau", centre, room, share * speed, slot)
+                plan = self._plateau(name, centre, room, share * speed, slot)
                 if plan.speed is not None and number == 1:
                     speed, room = plan.speed, 0.5 * np.abs(plan.shape[0]).max(axis=0)
                 yield plan
 
     def _plateau(
-        self,
-        name: str,
-        kind: str,
-        centre: FloatArray,
-        room: FloatArray,
-        fastest: FloatArray,
-        slot: float,
+        self, name: str, centre: FloatArray, room: FloatArray, fastest: FloatArray, slot: float
     ) -> Segment:
         """Constant speed forth and back through `centre` (n_joints,), within `slot` s.
 
@@ -187,18 +357,9 @@ class DiagnosisPlanner:
             plateau = max(min(slot - 2.0 * ramp, longest), _SHORTEST_PLATEAU)
             offset = centre - self.posture - 0.5 * speed * (plateau + ramp)
             shape = there_and_back(speed, plateau, ramp, self.rate)
-            return Segment(name, kind, offset, shape, speed=speed)
+            return Segment(name, name.partition("_")[0], offset, shape, speed=speed)
 
         return self._fit(make)
-
-    def _reversals(self, seconds: float) -> Iterator[Segment]:
-        for amplitude, frequency in REVERSALS:
-            slot = max(seconds / len(REVERSALS), 4.0 / frequency)
-            yield self._sized(reversals(len(self.posture), amplitude, frequency, slot, self.rate))
-
-    def _multisine(self, seconds: float) -> Segment:
-        highest = np.minimum(BANDWIDTHS * self.bandwidth, self.rate / 10.0)
-        return self._sized(multisine(highest, MULTISINE_AMPLITUDE, seconds, self.rate, self.seed))
 
     def _sized(self, plan: Segment) -> Segment:
         """The segment about the posture, made smaller where it would pass a limit."""
@@ -262,7 +423,15 @@ def design_diagnosis(
             f"duration {duration:g}: {SHORTEST:g} to {LONGEST:g} s are needed for a diagnosis"
         )
     require_sampling(rate, duration, "the motion")
-    posture = _posture(model, limits, start)
+    frames, posture = moving_frames(model.robot), limits.middle
+    require_reachable(frames, limits)
+    if start is not None:
+        require_inside(start, limits, model.robot.joints)
+        posture = start
+    elif limits.floor is not None and np.min(frames.heights(posture[None])) <= limits.floor + 0.05:
+        shares = np.random.default_rng(7).uniform(-1.0, 1.0, (2000, len(limits.reach)))
+        postures = limits.middle + 0.5 * limits.reach * shares
+        posture = postures[np.argmax(frames.heights(postures).min(axis=1))]
     inertia = np.ones(len(posture))
     if limits.torque_checked:
         mass = mass_matrix(model.robot, model.robot.given, posture[None])
@@ -270,8 +439,24 @@ def design_diagnosis(
     bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
     configured &= limits.torque_checked or configuration.controller.type == "cascade"
     planner = DiagnosisPlanner(model, limits.narrowed(), posture, bandwidth, rate, seed)
-    trajectory, segments = _fill(planner, duration, report)
+    # The segments with the moves between are to take nearly the duration.
+    seconds, best, total = 0.7 * duration, None, 0.0
+    for trial in range(_TRIALS):
+        report("composing segments", trial / _TRIALS)
+        composed = _compose(planner, planner.plans(seconds))
+        total = composed[0].duration
+        if total <= duration and (best is None or total > best[0].duration):
+            best = composed
+        if 0.97 * duration <= total <= duration:
+            break
+        seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
+    if best is None:
+        raise DataError(
+            f"the segments take {total:.0f} s at least: a longer --duration than {duration:g} s "
+            "is needed"
+        )
     report("checking every sample", 1.0)
+    trajectory, segments = best
     use = use_within(model.robot, limits, trajectory)
     return Diagnosis(trajectory, segments, use, bandwidth, configured)
 
@@ -289,68 +474,26 @@ def loop_bandwidth(controller: ControllerSection, inertia: FloatArray) -> tuple[
     return np.sqrt(gain / np.maximum(inertia, 1e-9)) / (2.0 * np.pi), True
 
 
-def _fill(
-    planner: DiagnosisPlanner, duration: float, report: Progress
-) -> tuple[Trajectory, tuple[Segment, ...]]:
-    """Size the segments so that they, with the moves between, take nearly `duration` s."""
-    seconds, best = 0.7 * duration, None
-    for trial in range(_TRIALS):
-        report("composing segments", trial / _TRIALS)
-        composed = _compose(planner, planner.plans(seconds))
-        total = composed[0].duration
-        if total <= duration and (best is None or total > best[0].duration):
-            best = composed
-        if 0.97 * duration <= total <= duration:
-            break
-        seconds = max(1.0, seconds + (0.985 * duration - total) / 0.9)
-    if best is None:
-        raise DataError(
-            f"the segments take {total:.0f} s at least: a longer --duration than {duration:g} s "
-            "is needed"
-        )
-    return best
-
-
-def _posture(model: InverseModel, limits: MotionLimits, start: FloatArray | None) -> FloatArray:
-    """Return the posture (n_joints,) about which the robot moves, see `design_diagnosis`."""
-    frames = moving_frames(model.robot)
-    require_reachable(frames, limits)
-    if start is not None:
-        require_inside(start, limits, model.robot.joints)
-        return start
-    if limits.floor is None or np.min(frames.heights(limits.middle[None])) > limits.floor + 0.05:
-        return limits.middle
-    random = np.random.default_rng(7)
-    shares = random.uniform(-1.0, 1.0, (2000, len(limits.reach)))
-    postures = limits.middle + 0.5 * limits.reach * shares
-    return np.asarray(postures[np.argmax(frames.heights(postures).min(axis=1))])
-
-
 def _compose(
     planner: DiagnosisPlanner, plans: list[Segment]
 ) -> tuple[Trajectory, tuple[Segment, ...]]:
-    """Join segments by moves, at rest before and after each, and note where they are."""
+    """Join segments by moves, at rest before and after them, and note where they are."""
     rate, joints = planner.rate, planner.model.robot.joints
-    place = np.zeros(len(joints))
+    place = home = np.zeros(len(joints))
     rest = np.zeros((3, round(_REST * rate), len(joints)))
     parts: list[FloatArray] = []
-    segments, samples = [], 0
-
-    def go(target: FloatArray) -> int:
-        """Move from where the last part ended, and rest; return the samples that it takes."""
-        way = [] if np.all(np.abs(target - place) < 1e-12) else [_move(planner, place, target)]
-        way.append(_moved(rest, target))
-        parts.extend(way)
-        return sum(part.shape[1] for part in way)
-
-    for plan in plans:
-        start = samples + go(plan.offset)
-        parts.append(_moved(plan.shape, plan.offset))
-        place = plan.offset
-        end = start + plan.shape.shape[1]
-        segments.append(replace(plan, start=start / rate, end=end / rate))
-        samples = end + go(place)
-    go(np.zeros(len(joints)))
+    segments: list[Segment] = []
+    for plan in (*plans, None):
+        target = home if plan is None else plan.offset
+        if np.any(np.abs(target - place) >= 1e-12):
+            parts.append(_move(planner, place, target))
+        parts.append(_moved(rest, target))
+        if plan is not None:
+            start = sum(part.shape[1] for part in parts)
+            end = start + plan.shape.shape[1]
+            segments.append(replace(plan, start=start / rate, end=end / rate))
+            parts += [_moved(plan.shape, target), _moved(rest, target)]
+        place = target
     motion = _moved(np.concatenate(parts, axis=1), planner.posture)
     return Trajectory(joints, rate, *motion), tuple(segments)
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
@@ -13,7 +12,7 @@ from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.model import InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import link_frames
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import FloatArray, IntArray
 
 # Where nothing limits the acceleration: half of the torque limit moves the joint's own inertia,
 # and full speed takes this long at least.
@@ -30,9 +29,8 @@ _INSIDE = 0.995
 class MotionLimits:
     """Limits of a motion, (n_joints,) each, as the robot has them."""
 
-    # lower, upper: rad (m)
-    lower: FloatArray
-    upper: FloatArray
+    lower: FloatArray  # rad (m)
+    upper: FloatArray  # rad (m)
     velocity: FloatArray  # rad/s (m/s)
     acceleration: FloatArray  # rad/s² (m/s²)
     torque: FloatArray  # N m (N)
@@ -142,76 +140,53 @@ def motion_limits(
         raise UsageError(f"margin {margin:g}: a share above 0 and up to 1 is needed")
     if floor is not None and not np.isfinite(floor):
         raise UsageError(f"floor {floor:g}: a height in m is needed")
-    lower, upper = _positions(model)
-    configured = configuration.controller.torque_limit
+    lower, upper, velocity = robot.limits.lower, robot.limits.upper, robot.limits.velocity
+    unlimited = ~(np.isfinite(lower) & np.isfinite(upper))
+    slides = unlimited & np.equal(robot.joint_types, "prismatic")
+    if slides.any():
+        raise UsageError(
+            f"joint {robot.joints[int(np.argmax(slides))]} has no position limits: a prismatic "
+            "joint needs <limit lower upper> in the URDF"
+        )
+    lower, upper = np.where(unlimited, -np.pi, lower), np.where(unlimited, np.pi, upper)
     torque = np.where(robot.limits.effort > 0.0, robot.limits.effort, np.inf)
-    if configured is not None:
-        torque = np.minimum(torque, configured)
+    if configuration.controller.torque_limit is not None:
+        torque = np.minimum(torque, configuration.controller.torque_limit)
     effort = "<limit effort> of the URDF or controller.torque_limit"
-    limits = MotionLimits(
+    for values, what, where in (
+        (velocity, "velocity", "<limit velocity> of the URDF"),
+        (torque, "effort", effort),
+    ):
+        lacking = ~(np.isfinite(values) & (values > 0.0))
+        if lacking.any():
+            joint = robot.joints[int(np.argmax(lacking))]
+            raise UsageError(f"joint {joint} has no {what} limit: give {where}")
+    joints = len(robot.joints)
+    allowed = velocity / SECONDS_TO_FULL_SPEED
+    if acceleration is not None:
+        if len(acceleration) not in (1, joints):
+            raise UsageError(f"acceleration has {len(acceleration)} values for {joints} joints")
+        if not all(_SLOWEST <= value <= _FASTEST for value in acceleration):
+            raise UsageError(
+                f"acceleration: positive values from {_SLOWEST:g} to {_FASTEST:g} rad/s² (m/s²) "
+                "are needed"
+            )
+        allowed = np.broadcast_to(np.array(acceleration, dtype=float), (joints,)).copy()
+    elif robot.has_inertials:
+        postures = np.random.default_rng(_SEED).uniform(lower, upper, (_POSTURES, joints))
+        mass = mass_matrix(robot, robot.given, postures)
+        inertia = np.mean(np.diagonal(mass, axis1=1, axis2=2), axis=0)
+        allowed = np.minimum(allowed, SHARE_OF_TORQUE * torque / np.maximum(inertia, 1e-9))
+    return MotionLimits(
         lower=lower,
         upper=upper,
-        velocity=_needed(model, robot.limits.velocity, "velocity", "<limit velocity> of the URDF"),
-        acceleration=np.full(len(robot.joints), np.inf),
-        torque=_needed(model, torque, "effort", effort),
+        velocity=velocity,
+        acceleration=allowed,
+        torque=torque,
         torque_checked=robot.has_inertials,
         floor=floor,
         margin=margin,
     )
-    values = (
-        _default_acceleration(model, limits)
-        if acceleration is None
-        else _per_joint(acceleration, len(robot.joints))
-    )
-    return replace(limits, acceleration=values)
-
-
-def _positions(model: InverseModel) -> tuple[FloatArray, FloatArray]:
-    robot = model.robot
-    unlimited = ~(np.isfinite(robot.limits.lower) & np.isfinite(robot.limits.upper))
-    for joint, joint_type, open_ended in zip(
-        robot.joints, robot.joint_types, unlimited, strict=True
-    ):
-        if open_ended and joint_type == "prismatic":
-            raise UsageError(
-                f"joint {joint} has no position limits: a prismatic joint needs "
-                "<limit lower upper> in the URDF"
-            )
-    lower = np.where(unlimited, -np.pi, robot.limits.lower)
-    upper = np.where(unlimited, np.pi, robot.limits.upper)
-    return lower, upper
-
-
-def _needed(model: InverseModel, values: FloatArray, what: str, where: str) -> FloatArray:
-    for joint, value in zip(model.robot.joints, values, strict=True):
-        if not (np.isfinite(value) and value > 0.0):
-            raise UsageError(f"joint {joint} has no {what} limit: give {where}")
-    return np.asarray(values, dtype=float)
-
-
-def _per_joint(acceleration: Sequence[float], joints: int) -> FloatArray:
-    values = np.asarray(acceleration, dtype=float)
-    if len(values) not in (1, joints):
-        raise UsageError(f"acceleration has {len(values)} values for {joints} joints")
-    if not np.all((values >= _SLOWEST) & (values <= _FASTEST)):
-        raise UsageError(
-            f"acceleration: positive values from {_SLOWEST:g} to {_FASTEST:g} rad/s² (m/s²) are "
-            "needed"
-        )
-    return np.broadcast_to(values, (joints,)).copy()
-
-
-def _default_acceleration(model: InverseModel, limits: MotionLimits) -> FloatArray:
-    """Limits (n_joints,) that leave torque for the other loads, where none are given."""
-    quick = limits.velocity / SECONDS_TO_FULL_SPEED
-    if not limits.torque_checked:
-        return quick
-    random = np.random.default_rng(_SEED)
-    postures = random.uniform(limits.lower, limits.upper, (_POSTURES, len(limits.lower)))
-    mass = mass_matrix(model.robot, model.robot.given, postures)
-    inertia = np.mean(np.diagonal(mass, axis1=1, axis2=2), axis=0)
-    strong = SHARE_OF_TORQUE * limits.torque / np.maximum(inertia, 1e-9)
-    return np.asarray(np.minimum(quick, strong))
 
 
 def require_inside(start: FloatArray, limits: MotionLimits, joints: tuple[str, ...]) -> None:
@@ -236,8 +211,7 @@ class MovingFrames:
 
     robot: RobotModel
     names: tuple[str, ...]
-    # (f,) int: joint of the tree (pinocchio, from 1) that each frame is fixed to
-    joints: NDArray[np.int64]
+    joints: IntArray  # (f,): joint of the tree (pinocchio, from 1) that a frame is fixed to
     offsets: FloatArray  # (f, 3) m: origin of each frame in the frame of its joint
     axes: FloatArray  # (n_joints, 3): axis of each joint of the tree, in its own frame
 
@@ -247,18 +221,13 @@ class MovingFrames:
         turns = np.broadcast_to(np.eye(3), (model.njoints, samples, 3, 3)).copy()
         origins = np.zeros((model.njoints, samples, 3))
         for i in range(1, model.njoints):
-            parent, place, joint = (
-                model.parents[i],
-                model.jointPlacements[i],
-                self.robot.order[i - 1],
-            )
+            parent, place = model.parents[i], model.jointPlacements[i]
+            joint = self.robot.order[i - 1]
             moved = q[:, joint, None] * self.axes[i - 1]
             turns[i] = turns[parent] @ place.rotation
             origins[i] = origins[parent] + turns[parent] @ place.translation
             if self.robot.joint_types[joint] == "revolute":
-                turns[i] = (
-                    turns[i] @ scipy.spatial.transform.Rotation.from_rotvec(moved).as_matrix()
-                )
+                turns[i] = turns[i] @ Rotation.from_rotvec(moved).as_matrix()
             else:
                 origins[i] += (turns[i] @ moved[:, :, None])[:, :, 0]
         heights = np.einsum("fsj,fj->fs", turns[self.joints, :, 2], self.offsets)
@@ -278,12 +247,9 @@ def moving_frames(robot: RobotModel) -> MovingFrames:
 
 
 def require_reachable(frames: MovingFrames, limits: MotionLimits) -> None:
-    """Refuse a floor that no posture within the limits keeps above.
+    """Refuse a floor that none of 2,000 random postures within the limits keeps above.
 
-    Looks at 2,000 random postures, and at frames whose height no joint changes.
-
-    Raises UsageError: one line: the frame that is in the way, and the highest floor that is
-    possible.
+    Raises UsageError: the frame that is in the way, and the highest floor that is possible.
     """
     if limits.floor is None:
         return

@@ -4,10 +4,12 @@ import csv
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, is_file
@@ -29,17 +31,11 @@ _SLOWEST, _FASTEST = 1.0, 1e5  # samples per second
 class Trajectory:
     """Positions, velocities and accelerations on a uniform grid that starts at 0 s.
 
-    Attributes
-    ----------
-    joints : tuple of str
-    rate : float
-        Samples per second.
-    position, velocity, acceleration : (n_samples, n_joints)
-        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
+    (n_samples, n_joints) each, rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
     """
 
     joints: tuple[str, ...]
-    rate: float
+    rate: float  # Samples per second
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
@@ -57,10 +53,7 @@ class Trajectory:
     def in_order(self, joints: Sequence[str]) -> "Trajectory":
         """Return the same motion with its columns in the order of a robot's joints.
 
-        Raises
-        ------
-        UsageError
-            The robot has other joints.
+        Raises UsageError: the robot has other joints.
         """
         if set(self.joints) != set(joints):
             raise UsageError(
@@ -107,13 +100,9 @@ def shortest_quintic(way: FloatArray, speed: FloatArray, acceleration: FloatArra
 
 
 def require_sampling(rate: float, duration: float, what: str) -> None:
-    """Refuse a rate that no controller has, and more samples than can be computed.
+    """Refuse a rate, samples per second, that no controller has, and too many samples in all.
 
-    - `rate`: samples per second
-    - `duration`: s
-    - `what`: what has them, for the message: ``the trajectory``
-
-    Raises UsageError: the rate or the number of samples is out of its range.
+    Raises UsageError: they are out of their range; `what` has them, for the message.
     """
     if not _SLOWEST <= rate <= _FASTEST:
         raise UsageError(
@@ -134,37 +123,10 @@ def read_trajectory(path: FilePath) -> Trajectory:
     Columns may be in any order; others are ignored. Velocities and accelerations that are
     missing are central differences of what is there, second order at the ends too.
 
-    Raises
-    ------
-    UsageError
-        Unreadable file, missing columns, a cell that is not a finite number, fewer than three
-        samples, or stamps that are not uniform. The message is one line and names the file.
+    Raises UsageError: unreadable file, missing columns, a cell that is not a finite number, fewer
+    than three samples, or stamps that are not uniform. The message is one line and names the file.
     """
     path = Path(path)
-    columns = _read_columns(path)
-    joints = tuple(name[: -len(".position")] for name in columns if name.endswith(".position"))
-    if "time" not in columns or not joints:
-        raise UsageError(f"{path}: the columns time and <joint>.position are needed")
-    samples = len(columns["time"])
-    if samples < 3:
-        raise UsageError(f"{path}: {samples} samples; at least 3 are needed")
-    rate = _rate(path, columns["time"])
-    position = np.column_stack([columns[f"{joint}.position"] for joint in joints])
-    velocity = _derivative(path, columns, joints, "velocity", position, rate)
-    acceleration = _derivative(path, columns, joints, "acceleration", velocity, rate)
-    return Trajectory(joints, rate, position, velocity, acceleration)
-
-
-def write_csv(trajectory: Trajectory, file: TextIO) -> None:
-    """Write every sample; what `read_trajectory` reads, to ten digits."""
-    names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
-    csv.writer(file, lineterminator="\n").writerow(["time", *names])
-    table = np.column_stack([trajectory.time, *trajectory.signals])
-    np.savetxt(file, table, fmt="%.10g", delimiter=",")
-
-
-def _read_columns(path: Path) -> dict[str, FloatArray]:
-    """Time and signals (n_samples,) by the names of their columns."""
     if not is_file(path):
         raise UsageError(f"{path}: cannot read the trajectory: no such file")
     try:
@@ -179,7 +141,35 @@ def _read_columns(path: Path) -> dict[str, FloatArray]:
         if not np.isfinite(column).all():
             sample = 1 + int(np.argmin(np.isfinite(column)))
             raise UsageError(f"{path}: {name} of sample {sample} is not a finite number")
-    return columns
+    joints = tuple(name[: -len(".position")] for name in columns if name.endswith(".position"))
+    if "time" not in columns or not joints:
+        raise UsageError(f"{path}: the columns time and <joint>.position are needed")
+    samples = len(columns["time"])
+    if samples < 3:
+        raise UsageError(f"{path}: {samples} samples; at least 3 are needed")
+    rate = _rate(path, columns["time"])
+    motion = [np.column_stack([columns[f"{joint}.position"] for joint in joints])]
+    for signal in SIGNALS[1:]:
+        names = [f"{joint}.{signal}" for joint in joints]
+        present = [name for name in names if name in columns]
+        if not present:
+            motion.append(np.gradient(motion[-1], 1.0 / rate, axis=0, edge_order=2))
+        elif len(present) == len(names):
+            motion.append(np.column_stack([columns[name] for name in names]))
+        else:
+            missing = next(name for name in names if name not in columns)
+            raise UsageError(
+                f"{path}: {present[0]} is there, {missing} is missing; give all or none"
+            )
+    return Trajectory(joints, rate, *motion)
+
+
+def write_csv(trajectory: Trajectory, file: TextIO) -> None:
+    """Write every sample; what `read_trajectory` reads, to ten digits."""
+    names = [f"{joint}.{signal}" for signal in SIGNALS for joint in trajectory.joints]
+    csv.writer(file, lineterminator="\n").writerow(["time", *names])
+    table = np.column_stack([trajectory.time, *trajectory.signals])
+    np.savetxt(file, table, fmt="%.10g", delimiter=",")
 
 
 def _rate(path: Path, time: FloatArray) -> float:
@@ -198,19 +188,68 @@ def _rate(path: Path, time: FloatArray) -> float:
     return rate
 
 
-def _derivative(
-    path: Path,
-    columns: dict[str, FloatArray],
-    joints: Sequence[str],
-    signal: str,
-    integral: FloatArray,
-    rate: float,
-) -> FloatArray:
-    names = [f"{joint}.{signal}" for joint in joints]
-    present = [name for name in names if name in columns]
-    if not present:
-        return np.asarray(np.gradient(integral, 1.0 / rate, axis=0, edge_order=2))
-    if len(present) < len(names):
-        missing = next(name for name in names if name not in columns)
-        raise UsageError(f"{path}: {present[0]} is there, {missing} is missing; give all or none")
-    return np.column_stack([columns[name] for name in names])
+_BLOCK = 2000  # samples
+
+
+@dataclass(frozen=True)
+class FourierBasis:
+    """Shapes of a motion: q(t) = start + Σ shape_i(t) c_i, with q(0) = start.
+
+    Every shape is a sum of sin(kωt)/k and cos(kωt)/k, k = 1 … harmonics, ω = 2π / period, whose
+    velocity and acceleration are zero at t = 0 (and so at every multiple of the period): two
+    linear constraints on the 2 · harmonics coefficients, solved once by their null space.
+
+    Source: Swevers, Ganseman, Tükel, De Schutter, Van Brussel, Optimal robot excitation and
+    identification, IEEE Trans. Robotics and Automation 13 (1997), equation 10.
+    """
+
+    period: float
+    harmonics: int
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.period) and self.period > 0.0):
+            raise UsageError(f"period {self.period:g}: seconds above 0 are needed")
+        if self.harmonics < 2:
+            raise UsageError("harmonics: at least 2 are needed for a motion that starts at rest")
+
+    @property
+    def size(self) -> int:
+        """Number of basis functions from which the motion of a joint is made."""
+        return 2 * self.harmonics - 2
+
+    def shapes(self, time: FloatArray) -> FloatArray:
+        """Position, velocity and acceleration of the shapes, (3, n_samples, size)."""
+        return self.motion(time, np.eye(self.size))
+
+    def motion(self, time: FloatArray, coefficients: FloatArray) -> FloatArray:
+        """Σ shape_i(t) c_i, (3, n_samples, n_joints), for `coefficients` (size, n_joints).
+
+        Long motions have many harmonics: the shapes of all samples are never in memory at once.
+        """
+        sines, cosines = _at_rest(self.harmonics)
+        odd_part = sines @ coefficients[: self.harmonics - 1]
+        even_part = cosines @ coefficients[self.harmonics - 1 :]
+        blocks = [
+            [odd @ odd_part + even @ even_part for odd, even in self._waves(time[k : k + _BLOCK])]
+            for k in range(0, len(time), _BLOCK)
+        ]
+        return np.concatenate(blocks, axis=1)
+
+    def _waves(self, time: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Sine and cosine of each harmonic over its order, and two time derivatives."""
+        order = np.arange(1, self.harmonics + 1)
+        pulsation = 2.0 * np.pi / self.period * order
+        sine, cosine = np.sin(time[:, None] * pulsation), np.cos(time[:, None] * pulsation)
+        speed, rate = pulsation / order, pulsation**2 / order
+        return (
+            (sine / order, (cosine - 1.0) / order),
+            (cosine * speed, -sine * speed),
+            (-sine * rate, -cosine * rate),
+        )
+
+
+@cache
+def _at_rest(harmonics: int) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of the sines without velocity, of the cosines without acceleration, at t = 0."""
+    order = np.arange(1.0, harmonics + 1.0)
+    return scipy.linalg.null_space(np.ones((1, harmonics))), scipy.linalg.null_space(order[None, :])

@@ -2,17 +2,20 @@
 
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration, Section
+from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.encoding import named
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import (
@@ -24,21 +27,93 @@ from idim_iv_ros.files import (
     signed,
     write_together,
 )
-from idim_iv_ros.first_configuration.drivers import SOURCES, DriverPreset, read_driver
-from idim_iv_ros.first_configuration.joints import choose_joints
 from idim_iv_ros.first_configuration.signals import guess_effort_unit, propose_law
 from idim_iv_ros.first_configuration.topics import (
     BagContents,
+    choose_joints,
     choose_states,
     choose_topics,
     read_contents,
 )
-from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
+from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.identification.sanity import joint_findings
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.model.urdf_reader import description_key
+from idim_iv_ros.model.urdf import description_key
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.signal_source import NO_EFFORT, topic_of
+from idim_iv_ros.signal_source import NO_EFFORT, field_of, topic_of, with_field
+from idim_iv_ros.validation import first_problem
+
+SOURCES = ("joint_states", "effort", "reference", "link_states")
+
+
+@dataclass(frozen=True)
+class DriverPreset:
+    """Keys that the drivers of one kind of robot have in common."""
+
+    name: str
+    path: Path
+    # By section, as a configuration has them; sources of signals as text
+    keys: Mapping[str, Mapping[str, Any]]
+
+    def sources(self, bags: Sequence[BagContents]) -> tuple[dict[str, str], dict[str, str]]:
+        """Sources of signals that every bag holds, and why the others are left out.
+
+        A robot in a namespace has the same topics below it: ``/left/joint_states``.
+        """
+        sources, reasons = {}, {}
+        # Of topics that every bag has.
+        names = set.intersection(
+            *({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags)
+        )
+        for key in SOURCES:
+            source = self.keys.get("signals", {}).get(key)
+            if source is None:
+                continue
+            wanted, field = topic_of(source), field_of(source)
+            topics = [wanted] if wanted in names else [n for n in names if n.endswith(wanted)]
+            if len(topics) == 1:
+                sources[key] = topics[0] if field is None else with_field(topics[0], field)
+            else:
+                reasons[key] = f"{wanted} of the driver {self.name} is not in the bag"
+        return sources, reasons
+
+
+def driver_files() -> dict[str, Path]:
+    """Files of the drivers that come with this program, by name."""
+    files: dict[str, Path] = {}
+    for parent in Path(__file__).resolve().parents:
+        # In a checkout; installed by pip or colcon.
+        for folder in (parent / "config", parent / "share" / "idim_iv_ros" / "config"):
+            for path in sorted((folder / "drivers").glob("*.yaml")):
+                files.setdefault(path.stem, path)
+        if files:
+            break
+    return files
+
+
+def read_driver(name: str) -> DriverPreset:
+    """Read the file of a driver by its name, or one of the user by its path.
+
+    Raises UsageError: there is none, or it holds what no configuration has.
+    """
+    shipped = driver_files()
+    path = shipped.get(name)
+    if path is None:
+        if not name.endswith((".yaml", ".yml")):
+            listed = ", ".join(shipped) or "none is installed"
+            raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
+        path = Path(name)
+    data = read_mapping(path)
+    if "robot" in data:
+        raise UsageError(f"{path}: a driver says nothing of the robot: leave the key robot out")
+    try:
+        # The robot is another one each time: one joint, so that no list can have a wrong length.
+        whole = Configuration.model_validate({"robot": {"joints": ["joint"]}, **data})
+    except ValidationError as error:
+        raise UsageError(f"{path}: {first_problem(error)}") from error
+    given = whole.model_dump(exclude_unset=True)
+    return DriverPreset(path.stem, path, {k: v for k, v in given.items() if k != "robot"})
+
 
 _WIDTH = 10_000  # no value is broken over lines
 # Sections of a configuration; what only `idim-iv simulate` reads comes last.
@@ -88,23 +163,13 @@ def propose_configuration(
 ) -> Proposal:
     """Look through bags and propose a configuration with which they can be identified.
 
-    Parameters
-    ----------
-    bags
-        One recording or several of one robot.
-    urdf
-        Its description; None: /robot_description of the bag.
-    driver
-        Name of a driver whose topics and units are known (``ur``), or a YAML file of the same form.
-    progress
-        Called with a stage in words and the share that is done, 0 to 1.
+    - `bags`: one recording or several of one robot
+    - `urdf`: its description; None: /robot_description of the bag
+    - `driver`: name of one whose topics and units are known (``ur``), or a YAML file of that form
+    - `progress`: called with a stage in words and the share that is done, 0 to 1
 
-    Raises
-    ------
-    UsageError
-        No such file, no URDF, or one that cannot be used.
-    DataError
-        The bags hold nothing that can be identified.
+    Raises UsageError: no such file, no URDF, or one that cannot be used; DataError: the bags hold
+    nothing that can be identified.
     """
     paths = as_paths(bags)
     preset = None if driver is None else read_driver(driver)
@@ -117,15 +182,16 @@ def propose_configuration(
         states, effort = choose_states(contents, wanted)
         servo = effort is None and not states.with_effort()
         efforts = topic_of(named.get("effort", "")) or (effort or states).name
-        joints = choose_joints(text, source, contents, states.name, None if servo else efforts)
-        topics, why = choose_topics(contents, joints.joints, wanted)
+        joints, left_out, warnings = choose_joints(
+            text, source, contents, states.name, None if servo else efforts
+        )
+        topics, why = choose_topics(contents, joints, wanted)
         sources = {**topics, **named}  # those of the driver where it names them
         reasons = {("signals", key): reason for key, reason in why.items()}
         values: dict[str, dict[str, object]] = {
-            "robot": {"joints": list(joints.joints)},
+            "robot": {"joints": joints},
             "signals": dict(sources),
         }
-        warnings = joints.warnings
         limits: tuple[float, ...] = ()
         if servo:
             values["signals"]["effort"] = NO_EFFORT
@@ -139,42 +205,37 @@ def propose_configuration(
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)
-            of_efforts, limits = _from_efforts(prepared, values, reasons, watch)
-            warnings += of_efforts
+            watch.stage("effort unit", 0.6)
+            unit, why_unit = guess_effort_unit(prepared)
+            watch.stage("control law", 0.8)
+            values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
+            values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why_unit
+            findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
+            warnings += tuple(f"{joints[f.joint]}: {f.sentence}" for f in findings)
+            most = prepared.model.robot.limits.effort
+            if (most > 0.0).all() and np.isfinite(most).all():
+                limits = tuple(most.tolist())
             if preset is not None:
-                warnings += _merge(preset, values, reasons, named, missing)
+                _merge(preset, values, reasons, named, missing)
+                stated = values["signals"]["effort_unit"]
+                reasons["signals", "effort_unit"] += f"; of the bag: {why_unit}"
+                if stated != unit and not why_unit.startswith("not"):
+                    warnings += (
+                        f"efforts of the driver {preset.name} are in {stated}, but those of the "
+                        f"bag look like {unit}: {why_unit}",
+                    )
             if values["signals"]["effort_unit"] != "N m":
                 warnings, limits = (*warnings, _UNIT_WARNING), ()
     return Proposal(
         bags=paths,
-        joints=joints.joints,
+        joints=tuple(joints),
         urdf=None if urdf is None else Path(urdf),
         values=values,
         reasons=reasons,
-        left_out=joints.left_out,
+        left_out=left_out,
         limits=limits,
         warnings=warnings,
     )
-
-
-def _from_efforts(
-    prepared: PreparedRegression,
-    values: dict[str, dict[str, object]],
-    reasons: dict[tuple[str, str], str],
-    watch: Stopwatch,
-) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """Add the unit of the efforts and the control law; return warnings and the efforts' limits."""
-    watch.stage("effort unit", 0.6)
-    unit, why = guess_effort_unit(prepared)
-    watch.stage("control law", 0.8)
-    values["controller"], reasons["controller", "type"] = propose_law(prepared.motions)
-    findings = joint_findings(prepared.model, prepared.motions, prepared.cutoffs, unit)
-    values["signals"]["effort_unit"], reasons["signals", "effort_unit"] = unit, why
-    joints = prepared.configuration.robot.joints
-    warnings = (f"{joints[finding.joint]}: {finding.sentence}" for finding in findings)
-    limits = prepared.model.robot.limits.effort
-    finite = bool((limits > 0.0).all() and np.isfinite(limits).all())
-    return tuple(warnings), tuple(float(limit) for limit in limits) if finite else ()
 
 
 def _merge(
@@ -183,9 +244,8 @@ def _merge(
     reasons: dict[tuple[str, str], str],
     named: Mapping[str, str],
     missing: Mapping[str, str],
-) -> tuple[str, ...]:
-    """Put the keys of a driver over those of the bag, and warn of what contradicts them."""
-    guessed, why = values["signals"]["effort_unit"], reasons["signals", "effort_unit"]
+) -> None:
+    """Put the keys of a driver over those of the bag, with their reasons."""
     for section, keys in preset.keys.items():
         for key, value in keys.items():
             if (section, key) not in {("signals", source) for source in SOURCES}:
@@ -198,14 +258,6 @@ def _merge(
     for key, reason in missing.items():
         before = reasons.get(("signals", key), "")
         reasons["signals", key] = f"{before}; {reason}" if before else reason
-    unit = values["signals"]["effort_unit"]
-    reasons["signals", "effort_unit"] += f"; of the bag: {why}"
-    if unit == guessed or why.startswith("not"):
-        return ()
-    return (
-        f"efforts of the driver {preset.name} are in {unit}, but those of the bag look like "
-        f"{guessed}: {why}",
-    )
 
 
 _UNIT_WARNING = (
@@ -251,10 +303,7 @@ def configuration_text(proposal: Proposal, out: FilePath) -> str:
 def write_configuration(proposal: Proposal, out: FilePath, *, force: bool = False) -> Path:
     """Write the proposal as a configuration file.
 
-    Raises
-    ------
-    UsageError
-        It cannot be written, or a file of the user is in its place.
+    Raises UsageError: it cannot be written, or a file of the user is in its place.
     """
     path = Path(out)
     require_replaceable([path], force=force)
@@ -282,11 +331,8 @@ def _line(
 
 def _yaml(name: str, value: object) -> str:
     """``name: value`` in one line."""
-    yaml = YAML()
-    yaml.default_flow_style = True
-    yaml.width = _WIDTH
-    stream = io.StringIO()
-    mapping = CommentedMap({name: value})
+    yaml, stream, mapping = YAML(), io.StringIO(), CommentedMap({name: value})
+    yaml.default_flow_style, yaml.width = True, _WIDTH
     mapping.fa.set_block_style()
     yaml.dump(mapping, stream)
     return stream.getvalue().strip()

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from idim_iv_ros.identification.effort_statistics import EffortStatistics, effort_statistics
+from idim_iv_ros.identification.effort_statistics import effort_statistics
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.model import JointLimits
 from idim_iv_ros.signals import Motion
-from idim_iv_ros.simulation import ControllerFit, fit_controller
+from idim_iv_ros.simulation import fit_controller
 
 _LEAST_SHARE = 0.05  # of what friction leaves of the effort's variance
 _LEAST_RATIO = 5.0  # standard deviations
@@ -43,24 +42,19 @@ def guess_effort_unit(prepared: PreparedRegression) -> tuple[str, str]:
         and statistic.torque.of_rest > _LEAST_SHARE
         and abs(statistic.torque.certainty) > _LEAST_RATIO
     }
-    if not ratios:
-        return _from_limits(statistics, prepared.model.robot.limits, names)
-    listed = ", ".join(f"{name} {ratio:.2g}" for name, ratio in ratios.items())
-    measured = f"effort over the torque that the URDF's masses need: {listed}"
-    if _SAME[0] <= float(np.median(np.abs(list(ratios.values())))) <= _SAME[1]:
-        return "N m", measured
-    return "A", f"{measured}: not a torque, probably a motor current"
-
-
-def _from_limits(
-    statistics: Sequence[EffortStatistics | None], limits: JointLimits, names: list[str]
-) -> tuple[str, str]:
-    """Compare the size of what friction leaves: a simulator's damping knows no limit."""
+    if ratios:
+        listed = ", ".join(f"{name} {ratio:.2g}" for name, ratio in ratios.items())
+        measured = f"effort over the torque that the URDF's masses need: {listed}"
+        if _SAME[0] <= float(np.median(np.abs(list(ratios.values())))) <= _SAME[1]:
+            return "N m", measured
+        return "A", f"{measured}: not a torque, probably a motor current"
+    # The size of what friction leaves: a simulator's damping knows no limit.
     peaks = np.array([0.0 if statistic is None else statistic.peak for statistic in statistics])
-    limited = np.isfinite(limits.effort) & (limits.effort > 0.0)
+    most_effort = prepared.model.robot.limits.effort
+    limited = np.isfinite(most_effort) & (most_effort > 0.0)
     if not limited.any():
         return "N m", "not known: the URDF has neither masses nor effort limits to compare with"
-    shares = np.where(limited, peaks / np.where(limited, limits.effort, 1.0), 0.0)
+    shares = np.where(limited, peaks / np.where(limited, most_effort, 1.0), 0.0)
     most = int(np.argmax(shares))
     text = f"largest effort of {names[most]} is {100 * shares[most]:.2g} % of the URDF's limit"
     if shares[most] > _OVER_LIMIT:
@@ -72,7 +66,15 @@ def propose_law(motions: Sequence[Motion]) -> tuple[dict[str, object], str]:
     """Keys of the section `controller`: a PD law if one explains the efforts; and why."""
     if any(motion.signals.position_reference is None for motion in motions):
         return dict(_UNKNOWN), "no reference in the bag"
-    fits = [fit for motion in motions for fit in _fits(motion)]
+    fits = []
+    for motion in motions:
+        signals, cutoff = motion.signals, min(motion.signals.rate / 10.0, _HIGHEST_CUTOFF)
+        # Delays of whole samples, and of whole samples and a half: one that is off by half a sample
+        # T shows as kd off by kp T / 2.
+        later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
+        between = replace(signals, torque=0.5 * (signals.torque + later))
+        fits += [(fit_controller(signals, cutoff=cutoff), 0.0)]
+        fits += [(fit_controller(between, cutoff=cutoff), 0.5)]
     fit, half = max(fits, key=lambda pair: float(pair[0].r_squared.sum()))
     worst = float(fit.r_squared.min())
     if worst < _LEAST_R_SQUARED:
@@ -82,61 +84,36 @@ def propose_law(motions: Sequence[Motion]) -> tuple[dict[str, object], str]:
         )
     # What the control holds from one sample to the next acts half a sample late on average; the
     # simulation of the loop holds it likewise, so that this is no delay of its own.
-    delay = max(fit.delay + (0.5 if half else 0.0) - 0.5, 0.0)
-    return _pd(fit, worst, delay / fit.rate)
-
-
-def _fits(motion: Motion) -> list[tuple[ControllerFit, bool]]:
-    """Laws with delays of whole samples, and of whole samples and a half.
-
-    A delay that is off by half a sample T shows as kd off by kp T / 2.
-    """
-    signals = motion.signals
-    later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
-    return [
-        (
-            fit_controller(
-                replace(signals, torque=torque), cutoff=min(signals.rate / 10.0, _HIGHEST_CUTOFF)
-            ),
-            half,
-        )
-        for torque, half in ((signals.torque, False), (0.5 * (signals.torque + later), True))
-    ]
-
-
-def _pd(fit: ControllerFit, worst: float, delay: float) -> tuple[dict[str, object], str]:
-    """Keys of a PD law with a delay in s, or why it is none."""
+    delay = max(fit.delay + half - 0.5, 0.0) / fit.rate
     kp, kd = fit.gain("kp"), fit.gain("kd")
-    forward = fit.included[:, fit.terms.index("reference_velocity")]
+    has = dict(zip(fit.terms, fit.included.T, strict=True))  # (n_joints,) of each term
+    forward = has["reference_velocity"]
     on_measured = forward & (np.abs(fit.gain("reference_velocity") + kd) < 0.2 * np.abs(kd))
     uncertain = np.abs(fit.std[:, :2]) > _LARGEST_DEVIATION * np.abs(fit.gains[:, :2])
-    beyond = [
-        term
-        for term in ("reference_acceleration", "reference_direction")
-        if fit.included[:, fit.terms.index(term)].any()
-    ]
+    beyond = [t for t in ("reference_acceleration", "reference_direction") if has[t].any()]
     if forward.any() and not on_measured.all():
         beyond.append("reference_velocity")
-    for refused, why in (
-        (np.any(kp <= 0.0) or np.any(kd <= 0.0), "the fitted gains are not all positive"),
-        (bool(uncertain.any()), "the log does not show the gains to 10 %"),
-        (bool(beyond), f"the law has feedforward terms ({', '.join(beyond)})"),
-    ):
-        if refused:
-            return dict(_UNKNOWN), f"{why}; every identification fits its own law"
+    why = ""
+    if np.any(kp <= 0.0) or np.any(kd <= 0.0):
+        why = "the fitted gains are not all positive"
+    elif uncertain.any():
+        why = "the log does not show the gains to 10 %"
+    elif beyond:
+        why = f"the law has feedforward terms ({', '.join(beyond)})"
+    if why:
+        return dict(_UNKNOWN), f"{why}; every identification fits its own law"
     keys: dict[str, object] = {"type": "pd", "kp": _rounded(kp), "kd": _rounded(kd)}
-    if fit.included[:, fit.terms.index("ki")].any():
+    if has["ki"].any():
         keys["ki"] = _rounded(fit.gain("ki"))
     if on_measured.all():
         keys["velocity_reference"] = False
     if delay > 0.0:
         keys["delay"] = round(delay, 6)
     deviation = 100.0 * float(np.max(np.abs(fit.std[:, :2] / fit.gains[:, :2])))
-    reason = (
+    return keys, (
         f"fitted from the log, R² ≥ {worst:.3f}, σ of the gains up to {deviation:.2g} %; replace "
         "them by those of the real controller"
     )
-    return keys, reason
 
 
 def _rounded(values: np.ndarray) -> list[float]:

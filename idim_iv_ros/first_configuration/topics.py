@@ -1,5 +1,6 @@
 """What the topics of a bag hold, and which are the joint states, the efforts and the reference."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.model.parameters import unit_at
+from idim_iv_ros.model.urdf import MOVABLE, UrdfJoint, read_urdf_text
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.bags.joint_message_type import (
     CONTROLLER_STATE,
@@ -71,6 +74,11 @@ class BagContents:
     # URDF on /robot_description, or on that of the only namespace that has one
     description: str | None
 
+    def measured(self, topic: str, joint: str) -> JointContents | None:
+        """What was measured of a joint on a topic."""
+        topics = [one for one in self.topics if one.name == topic and not one.asked]
+        return topics[0].joints.get(joint) if topics else None
+
 
 def read_contents(path: Path) -> BagContents:
     """Look through a bag.
@@ -96,46 +104,36 @@ def read_contents(path: Path) -> BagContents:
             controller = kinds[topic] in (CONTROLLER_STATE, MANY_STATES)
             for asked in (False, True) if controller else (False,):
                 if (topic, asked) not in readers:
-                    readers[topic, asked] = _reader(bag, topic, asked)
+                    name = bag.topics[topic]
+                    kind = JointMessageType(name, bag.definitions.get(name), reference=asked)
+                    readers[topic, asked] = JointMessageReader(
+                        topic, kind, [], ["position", "effort"], grows=True
+                    )
                 readers[topic, asked].add(batch)
         elif topic not in numbers:
             first_message = JointMessageType(FLOAT_ARRAY).read(batch.message(0), ["effort"])
             numbers[topic] = len(first_message.numbers.get("effort", ()))
-    joints = {place: _joints(reader) for place, reader in readers.items()}
-    contents = tuple(
-        TopicContents(
-            topic,
-            count,
-            1e-9 * (last - first),
-            joints.get((topic, asked), {}),
-            numbers.get(topic, 0),
-            kinds[topic],
-            asked,
-        )
-        for topic, (count, first, last) in counts.items()
-        for asked in ((False, True) if (topic, True) in joints else (False,))
-    )
+    contents = []
+    for topic, (count, first, last) in counts.items():
+        duration, of_array = 1e-9 * (last - first), numbers.get(topic, 0)
+        for asked in (False, True) if (topic, True) in readers else (False,):
+            joints = {}
+            if (reader := readers.get((topic, asked))) is not None:
+                values = reader.finish().values
+                columns = (values["position"].T, values["effort"].T)
+                joints = {
+                    name: _joint_contents(position, effort)
+                    for name, position, effort in zip(reader.joints, *columns, strict=True)
+                }
+            contents.append(
+                TopicContents(topic, count, duration, joints, of_array, kinds[topic], asked)
+            )
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
     # The global description, or that of the one namespace that has any.
     texts = set(descriptions.values())
     description = descriptions.get(_DESCRIPTION, texts.pop() if len(texts) == 1 else None)
-    return BagContents(path, contents, unreadable, description)
-
-
-def _reader(bag: Bag, topic: str, asked: bool) -> JointMessageReader:
-    """Read all joints of a topic: what was measured, or what a controller was `asked` for."""
-    name = bag.topics[topic]
-    kind = JointMessageType(name, bag.definitions.get(name), reference=asked)
-    return JointMessageReader(topic, kind, [], ["position", "effort"], grows=True)
-
-
-def _joints(reader: JointMessageReader) -> dict[str, JointContents]:
-    values = reader.finish().values
-    return {
-        joint: _joint_contents(values["position"][:, column], values["effort"][:, column])
-        for column, joint in enumerate(reader.joints)
-    }
+    return BagContents(path, tuple(contents), unreadable, description)
 
 
 def _joint_contents(position: np.ndarray, effort: np.ndarray) -> JointContents:
@@ -209,7 +207,13 @@ def choose_topics(
     """
     states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
-    common = [topic for topic in bags[0].topics if _in_all(topic, bags, joints)]
+    # Those on which every bag has positions of all joints.
+    whole = [
+        {(topic.name, topic.asked) for topic in bag.topics if topic.with_position() >= set(joints)}
+        for bag in bags
+    ]
+    shared = set.intersection(*whole)
+    common = [topic for topic in bags[0].topics if (topic.name, topic.asked) in shared]
     asked = [topic for topic in common if topic.asked]
     others = [t for t in common if t.kind == JOINT_STATE and t.name not in used]
     references = asked or [topic for topic in others if sounds_like_reference(topic.name)]
@@ -241,22 +245,90 @@ def choose_topics(
     return sources, reasons
 
 
-def _in_all(wanted: TopicContents, bags: Sequence[BagContents], joints: Sequence[str]) -> bool:
-    """Whether every bag holds positions of all joints on the topic."""
-    return all(
-        any(
-            topic.name == wanted.name
-            and topic.asked == wanted.asked
-            and topic.with_position() >= set(joints)
-            for topic in bag.topics
-        )
-        for bag in bags
-    )
-
-
 def _summary(topic: TopicContents, bag: BagContents, joints: Sequence[str]) -> str:
     """Count the messages of these joints: a gripper may publish there, too."""
     count = min([topic.joints[name].messages for name in joints if name in topic.joints] or [0])
     count = count or topic.messages
     rate = (count - 1) / max(topic.duration, 1e-9)
     return f"{count} messages at {rate:.4g} Hz in {bag.path.name}"
+
+
+_GRIPPER = re.compile(r"grip|finger|knuckle|jaw|thumb|palm", re.IGNORECASE)
+_STILL = {"revolute": 0.02, "continuous": 0.02, "prismatic": 0.002}  # rad, rad, m
+# A joint that is left out is locked at zero; this far away, it is not where it was.
+_AWAY = 0.05  # rad or m
+
+
+def choose_joints(
+    urdf: str, source: str, bags: Sequence[BagContents], states: str, efforts: str | None
+) -> tuple[list[str], dict[str, str], tuple[str, ...]]:
+    """Choose the joints that move and have an effort in every bag, from the base to the tool.
+
+    - `urdf`, `source`: text of the URDF, and what to call it
+    - `states`, `efforts`: topics; `efforts` is None for a robot without
+
+    Returns with them the movable joints of the URDF and joints of the bag that are left out, and
+    why, and warnings of those that are left out although they matter.
+
+    Raises UsageError: not a URDF; see `read_urdf_text`; DataError: no joint is left.
+    """
+    robot = read_urdf_text(urdf, source)
+    arrays = [topic.name for topic in bags[0].topics if topic.numbers]
+    chosen: list[str] = []
+    left_out, warnings = {}, []
+    for _, joint in robot.outward():
+        if joint is None or joint.type == "fixed":
+            continue
+        name = joint.name
+        position = [bag.measured(states, name) for bag in bags]
+        effort = [bag.measured(efforts or states, name) for bag in bags]
+        reason = _why_not(joint, position, effort, efforts is None or efforts in arrays)
+        if not reason:
+            chosen.append(name)
+            continue
+        left_out[name] = reason
+        lowest = position[0].lowest if position[0] is not None else None
+        if lowest is not None and not _is_gripper(joint) and abs(lowest - joint.rest) > _AWAY:
+            warnings.append(
+                f"{name} is left out ({reason}) and the model locks it at {joint.rest:.3g}, but it "
+                f"was at {lowest:.3g}: record a motion of it as well"
+            )
+    for topic in bags[0].topics:
+        if topic.name == states and not topic.asked:
+            left_out |= {
+                name: "not in the URDF" for name in topic.joints if name not in robot.joints
+            }
+    if not chosen:
+        why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise DataError(
+            f"{bags[0].path}: no joint of {source} can be identified ({why or 'it has none'})"
+        )
+    return chosen, left_out, tuple(warnings)
+
+
+def _why_not(
+    joint: UrdfJoint,
+    position: Sequence[JointContents | None],
+    effort: Sequence[JointContents | None],
+    needless: bool,
+) -> str:
+    """Reason to leave a movable joint out; empty where it is identified."""
+    if joint.type not in MOVABLE:
+        return f"its type is {joint.type}"
+    if joint.tied or joint.beyond:
+        return f"it is {joint.tied}" if joint.tied else f"it has {joint.beyond}"
+    if _is_gripper(joint):
+        return "a gripper, by its name; if it is a joint of the arm, name it in robot.joints"
+    if any(seen is None or seen.lowest is None for seen in position):
+        return "not in the bag"
+    if not needless and not all(seen is not None and seen.largest_effort for seen in effort):
+        return "its effort is empty or zero"
+    moved = max(seen.range for seen in position if seen is not None)
+    if moved < _STILL[joint.type]:
+        unit = unit_at("rad", joint.type)
+        return f"it stands still: it moves over {moved:.1g} {unit}"
+    return ""
+
+
+def _is_gripper(joint: UrdfJoint) -> bool:
+    return _GRIPPER.search(joint.name) is not None

@@ -53,8 +53,7 @@ from idim_iv_ros.identification.result import (
 from idim_iv_ros.identification.validate import Validation, validate
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters, nearest_physical
-from idim_iv_ros.physical.nearest import TO_INSTALL
-from idim_iv_ros.physical.torque_error import Judge
+from idim_iv_ros.physical.nearest import TO_INSTALL, Judge
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import fit_autoregression, torque_noise

@@ -10,7 +10,7 @@ from idim_iv_ros.model.inverse_model import (
 from idim_iv_ros.model.parameters import DynamicParameters, StandardParameter, parameter_layout
 from idim_iv_ros.model.regressor import StandardRegressor
 from idim_iv_ros.model.robot import JointLimits, RobotModel, kinematics_digest, load_robot
-from idim_iv_ros.model.urdf_reader import read_urdf_file, read_urdf_text
+from idim_iv_ros.model.urdf import read_urdf_file, read_urdf_text
 
 __all__ = [
     "BaseParameters",

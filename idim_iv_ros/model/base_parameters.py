@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.model.parameters import ParameterLayout
 from idim_iv_ros.model.regressor import StandardRegressor
-from idim_iv_ros.model.robot import JointLimits
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # A column is eliminated when less than this share of it is independent of the columns before.
 TOLERANCE = 1e-6
@@ -26,11 +24,9 @@ class BaseParameters:
     """The base set and how it groups the standard parameters."""
 
     layout: ParameterLayout
-    # (b,) int: standard parameters that are kept; each gives its name to its group
-    columns: NDArray[np.int64]
+    columns: IntArray  # (b,): standard parameters that are kept, and give their groups the name
     grouping: FloatArray  # (b, n_standard): β_base = grouping · β_standard
-    # (n_joints, b) bool: whether the torque of a joint depends on a base parameter
-    active: NDArray[np.bool_]
+    active: BoolArray  # (n_joints, b): whether the torque of a joint depends on a base parameter
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -45,10 +41,16 @@ class BaseParameters:
     @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Grouped expressions, e.g. ``XX2 - YY2 - 0.050625 M3``."""
-        return tuple(
-            _expression(int(column), row, self.layout.names)
-            for column, row in zip(self.columns, self.grouping, strict=True)
-        )
+        expressions, names = [], self.layout.names
+        for column, row in zip(self.columns, self.grouping, strict=True):
+            text = names[column]
+            for other in np.flatnonzero(row):
+                if other != column:
+                    size = f"{abs(row[other]):.6g}"
+                    factor = "" if size == "1" else f"{size} "
+                    text += f" {'-' if row[other] < 0 else '+'} {factor}{names[other]}"
+            expressions.append(text)
+        return tuple(expressions)
 
     @cached_property
     def non_negative(self) -> tuple[bool, ...]:
@@ -57,10 +59,8 @@ class BaseParameters:
         It groups standard parameters that are not negative, none of them with a minus.
         """
         kinds = [parameter.kind in NON_NEGATIVE for parameter in self.layout.parameters]
-        return tuple(
-            bool(np.all(row >= 0.0) and np.all(np.asarray(kinds)[row != 0.0]))
-            for row in self.grouping
-        )
+        allowed = (self.grouping == 0.0) | ((self.grouping > 0.0) & kinds)
+        return tuple(allowed.all(axis=1).tolist())
 
     def from_standard(self, standard: FloatArray) -> FloatArray:
         """Values of the base parameters (b,) of a standard vector (n_standard,)."""
@@ -97,23 +97,32 @@ def find_base_parameters(regressor: StandardRegressor) -> BaseParameters:
     scale = np.linalg.norm(rows[:, shown], axis=0)
     independent, basis = independent_columns(rows[:, shown] / scale, TOLERANCE)
     columns = shown[independent]
-    grouping = _grouping(rows, norms, columns, basis)
+    grouping = np.linalg.solve(basis.T @ rows[:, columns], basis.T @ rows)
+    grouping[:, columns] = np.eye(len(columns))
+    grouping[:, norms <= TOLERANCE * norms.max()] = 0.0
+    # A coefficient that is rounding on the scale of what the two columns contribute is none.
+    contribution = np.abs(grouping) * norms[columns][:, None]
+    grouping[contribution <= 1e-5 * np.maximum(norms, norms.max() * 1e-9)] = 0.0
     active = largest[:, columns] > TOLERANCE * norms[columns] / len(rows)
-    return BaseParameters(layout, columns, grouping, active)
+    return BaseParameters(layout, columns, np.round(grouping, 9), active)
 
 
 def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rows of the regressor at random states, each a random mixture of those of all joints.
+    """Rows (n_states, n_standard) of the regressor at random states, mixtures of the joints'.
 
-    Mixtures show every dependence of the columns that the rows themselves show, however many
-    parameters a single joint depends on, with a row for each state instead of one for each joint.
-
-    Returns rows (n_states, n_standard); squares (n_standard,): of the columns, over the rows of all
-    joints; largest (n_joints, n_standard): magnitude of each joint's entries.
+    Mixtures show every dependence of the columns that the rows themselves show, with a row for a
+    state instead of one for a joint. With them: squares (n_standard,) of the columns over all rows,
+    and the largest magnitudes (n_joints, n_standard) by joint.
     """
     joints, parameters = len(regressor.robot.order), len(regressor.layout.parameters)
-    states = _random_states(regressor.robot.limits, parameters)
-    mixture = np.random.default_rng(_SEED + 1).standard_normal(states[0].shape)
+    random, limits = np.random.default_rng(_SEED), regressor.robot.limits
+    shape = (max(50, _SAMPLES_PER_PARAMETER * parameters), joints)
+    lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    narrow = ~(lower < upper)
+    lower, upper = np.where(narrow, -np.pi, lower), np.where(narrow, np.pi, upper)
+    q = lower + (upper - lower) * random.random(shape)
+    states = (q, random.uniform(-2.0, 2.0, shape), random.uniform(-10.0, 10.0, shape))
+    mixture = np.random.default_rng(_SEED + 1).standard_normal(shape)
     rows = np.empty((len(mixture), parameters))
     squares, largest = np.zeros(parameters), np.zeros((joints, parameters))
     for start in range(0, len(rows), _BLOCK):
@@ -125,56 +134,12 @@ def _random_rows(regressor: StandardRegressor) -> tuple[FloatArray, FloatArray, 
     return rows, squares, largest
 
 
-def _random_states(
-    limits: JointLimits, parameters: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """States q, dq, ddq (n_states, n_joints) within the position limits, always the same."""
-    joints = len(limits.lower)
-    random = np.random.default_rng(_SEED)
-    shape = (max(50, _SAMPLES_PER_PARAMETER * parameters), joints)
-    lower = np.maximum(limits.lower, -np.pi)
-    upper = np.minimum(limits.upper, np.pi)
-    narrow = ~(lower < upper)
-    lower, upper = np.where(narrow, -np.pi, lower), np.where(narrow, np.pi, upper)
-    q = lower + (upper - lower) * random.random(shape)
-    return q, random.uniform(-2.0, 2.0, shape), random.uniform(-10.0, 10.0, shape)
-
-
-def _grouping(
-    rows: FloatArray, norms: FloatArray, columns: NDArray[np.int64], basis: FloatArray
-) -> FloatArray:
-    """Grouping (b, p): how much of each standard parameter is in the base parameter of a column."""
-    upper = basis.T @ rows[:, columns]
-    grouping = np.linalg.solve(upper, basis.T @ rows)
-    grouping[:, columns] = np.eye(len(columns))
-    grouping[:, norms <= TOLERANCE * norms.max()] = 0.0
-    # A coefficient that is rounding on the scale of what the two columns contribute is none.
-    contribution = np.abs(grouping) * norms[columns][:, None]
-    grouping[contribution <= 1e-5 * np.maximum(norms, norms.max() * 1e-9)] = 0.0
-    return np.asarray(np.round(grouping, 9))
-
-
-def _expression(column: int, row: FloatArray, names: tuple[str, ...]) -> str:
-    """Name of a column, then what is grouped with it."""
-    text = names[column]
-    for other in np.flatnonzero(row):
-        if other != column:
-            size = f"{abs(row[other]):.6g}"
-            factor = "" if size == "1" else f"{size} "
-            text += f" {'-' if row[other] < 0 else '+'} {factor}{names[other]}"
-    return text
-
-
 def independent_columns(columns: FloatArray, tolerance: float) -> tuple[IntArray, FloatArray]:
     """Eliminate the columns that those before them explain: Gram-Schmidt without pivoting.
 
-    One pass over the columns, however many depend on others.
+    Columns (r, c) are of norm one, or zero; one counts if more than `tolerance` is left of it.
 
-    - `columns`: (r, c) of norm one, or zero
-    - `tolerance`: norm that is left of a column when it counts
-
-    Returns kept (rank,) int, increasing; basis (r, rank): orthonormal, of the span of the columns
-    that are kept.
+    Returns kept (rank,) int, increasing; basis (r, rank): orthonormal, of their span.
     """
     rows, count = columns.shape
     basis = np.empty((rows, min(rows, count)), order="F")

@@ -1,6 +1,6 @@
 """The inverse dynamic model in base parameters: what the recordings are regressed on."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -55,8 +55,8 @@ class InverseModel:
     @property
     def given_without_friction(self) -> FloatArray:
         """`given` (b,) with friction and offsets at zero: the paper's start."""
-        given = self.robot.given.without_friction
-        return self.base.from_standard(self.regressor.layout.vector(given))
+        rigid = self.robot.given.without_friction
+        return self.base.from_standard(self.regressor.layout.vector(rigid))
 
     @property
     def regular(self) -> FloatArray:
@@ -64,14 +64,13 @@ class InverseModel:
 
         Without drive inertia in the model, links of unit mass (prismatic) or unit inertia.
         """
-        layout = self.regressor.layout
-        standard = np.zeros(len(layout.parameters))
-        has_drives = any(parameter.kind == "Ia" for parameter in layout.parameters)
-        for position, parameter in enumerate(layout.parameters):
-            prismatic = self.robot.joint_types[parameter.joint] == "prismatic"
-            kinds = ("Ia",) if has_drives else ("M",) if prismatic else ("XX", "YY", "ZZ")
-            standard[position] = float(parameter.kind in kinds)
-        return self.base.from_standard(standard)
+        parameters = self.regressor.layout.parameters
+        kinds = {"prismatic": ("M",), "revolute": ("XX", "YY", "ZZ")}
+        if any(parameter.kind == "Ia" for parameter in parameters):
+            kinds = dict.fromkeys(kinds, ("Ia",))
+        types = self.robot.joint_types
+        unit = [float(one.kind in kinds[types[one.joint]]) for one in parameters]
+        return self.base.from_standard(np.array(unit))
 
     def dynamic_parameters(self, values: FloatArray) -> DynamicParameters:
         """Parameters for dynamics that are equivalent to base parameters (b,)."""
@@ -96,18 +95,15 @@ def configured_robot(configuration: Configuration, urdf: str, source: str) -> Ro
         name=configuration.robot.name,
         source=source,
     )
-    offset = configuration.simulator.torque_offset
-    if offset is None:
-        return robot
-    return replace(robot, given=replace(robot.given, offset=np.asarray(offset, dtype=float)))
+    if configuration.simulator.torque_offset is not None:
+        robot.given.offset[:] = configuration.simulator.torque_offset
+    return robot
 
 
 def _couplings(configuration: Configuration) -> list[tuple[int, int]]:
     place = configuration.robot.joints.index
-    return [
-        (place(coupling.joints[0]), place(coupling.joints[1]))
-        for coupling in configuration.robot.couplings
-    ]
+    pairs = [coupling.joints for coupling in configuration.robot.couplings]
+    return [(place(first), place(second)) for first, second in pairs]
 
 
 def build_inverse_model(configuration: Configuration, urdf: str, source: str) -> InverseModel:
@@ -150,12 +146,9 @@ class OfRobot(Protocol):
 def require_same_robot(
     path: Path, result: OfRobot, configuration: Configuration, robot: RobotModel, source: str
 ) -> None:
-    """Refuse the result in a file if it is not of the robot of this configuration.
+    """Refuse the result in a file if it is of another robot than `robot` with the URDF `source`.
 
-    `source` names the URDF of `robot` in messages.
-
-    Raises UsageError: joints have other names or another order, or are placed or turned
-    differently.
+    Raises UsageError: joints have other names or another order, or are placed or turned otherwise.
     """
     joints = configuration.robot.joints
     if list(result.joints) != joints:

@@ -4,11 +4,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -103,18 +102,14 @@ class DynamicParameters:
     # (n_joints, 10): M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ of each link, about the origin of its
     # joint frame, kg, kg m, kg m²
     inertial: FloatArray
-    # drive_inertia, viscous, coulomb, offset: (n_joints,): joint side: kg m², N m s/rad, N m, N m
-    # (kg, N s/m, N, N for prismatic joints)
-    drive_inertia: FloatArray
-    viscous: FloatArray
-    coulomb: FloatArray
-    offset: FloatArray
-    # (n_couplings, 2) int: indices (a, b) of the joints that a transmission couples
-    coupling_joints: NDArray[np.int64]
-    # coupling_inertia, coupling_viscous, coupling_coulomb: (n_couplings,): Iam, Fvm, Fcm: torque on
-    # a: Iam ddq_b + Fvm dq_b + Fcm sign(dq_a + dq_b); on b: Iam ddq_a + Fvm dq_a + Fcm sign(dq_a +
-    # dq_b). The motor of b turns with both joints, so that Iam is its drive inertia Ia_b, and what
-    # it adds to the diagonal of a belongs to Ia_a.
+    drive_inertia: FloatArray  # (n_joints,): joint side, kg m² (kg)
+    viscous: FloatArray  # (n_joints,): N m s/rad (N s/m)
+    coulomb: FloatArray  # (n_joints,): N m (N)
+    offset: FloatArray  # (n_joints,): N m (N)
+    coupling_joints: IntArray  # (n_couplings, 2): joints (a, b) that a transmission couples
+    # (n_couplings,) each: Iam, Fvm, Fcm: torque on a: Iam ddq_b + Fvm dq_b + Fcm sign(dq_a + dq_b);
+    # on b: Iam ddq_a + Fvm dq_a + Fcm sign(dq_a + dq_b). The motor of b turns with both joints, so
+    # that Iam is its drive inertia Ia_b, and what it adds to the diagonal of a belongs to Ia_a.
     coupling_inertia: FloatArray
     coupling_viscous: FloatArray
     coupling_coulomb: FloatArray
@@ -123,9 +118,9 @@ class DynamicParameters:
     def zero(cls, joints: int, couplings: Sequence[tuple[int, int]]) -> "DynamicParameters":
         """Parameters of zero for so many joints, of which these pairs are coupled."""
         pairs = np.array(couplings, dtype=np.int64).reshape(-1, 2)
-        values: list[Any] = [np.zeros((joints, 10)), *np.zeros((4, joints)), pairs]
-        values += [*np.zeros((3, len(pairs)))]
-        return cls(*values)
+        drive_inertia, viscous, coulomb, offset = np.zeros((4, joints))
+        inertial, of_couplings = np.zeros((joints, 10)), np.zeros((3, len(pairs)))
+        return cls(inertial, drive_inertia, viscous, coulomb, offset, pairs, *of_couplings)
 
     @property
     def of_bodies(self) -> FloatArray:
@@ -153,26 +148,20 @@ class DynamicParameters:
     @property
     def of_drives(self) -> dict[str, FloatArray]:
         """Inertia, friction and offset (n_joints,) of the drives by the names of parameters."""
-        return {
-            "Ia": self.drive_inertia,
-            "Fv": self.viscous,
-            "Fc": self.coulomb,
-            "off": self.offset,
-        }
+        values = (self.drive_inertia, self.viscous, self.coulomb, self.offset)
+        return dict(zip(_OF_DRIVES, values, strict=True))
 
     def value_of(self, parameter: StandardParameter) -> FloatArray | None:
         """A view () of the value of a standard parameter; None of a coupling that is not here."""
         if parameter.kind in INERTIAL:
             column = REGRESSOR_ORDER[INERTIAL.index(parameter.kind)]
             return self.inertial[parameter.joint, column : column + 1].reshape(())
-        joint: int | None = parameter.joint
-        values = self.of_drives.get(parameter.kind)
+        places, values = [parameter.joint], self.of_drives.get(parameter.kind)
         if values is None:
             couplings = {"Fvm": self.coupling_viscous, "Fcm": self.coupling_coulomb}
             values = couplings[parameter.kind]
-            second = self.coupling_joints[:, 1].tolist()
-            joint = second.index(parameter.joint) if parameter.joint in second else None
-        return None if joint is None else values[joint : joint + 1].reshape(())
+            places = np.flatnonzero(self.coupling_joints[:, 1] == parameter.joint).tolist()
+        return values[places[0] : places[0] + 1].reshape(()) if places else None
 
 
 @dataclass(frozen=True)
@@ -228,26 +217,25 @@ def parameter_layout(
     - `couplings`: pairs of joint indices (a, b) coupled by a transmission; named by b
     - `effort_unit`: unit of the torque side of the model; with ``A`` or ``V`` all units follow
     """
-    terms = [("Ia", drive_inertia), ("Fv", "viscous" in friction)]
-    terms += [("Fc", "coulomb" in friction), ("off", "offset" in friction)]
-    kinds = [kind for kind, present in terms if present]
-    parameters = []
-    for joint, joint_type in enumerate(joint_types):
-        for kind in (*INERTIAL, *kinds):
-            unit = _unit(kind, joint_type, effort_unit)
-            parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
-    coupled = [("Fvm", "Fv", "viscous" in friction), ("Fcm", "Fc", "coulomb" in friction)]
-    for _, joint in couplings:
-        for kind, of_drive, present in coupled:
-            if present:
-                unit = _unit(of_drive, joint_types[joint], effort_unit)
-                parameters.append(StandardParameter(f"{kind}{joint + 1}", kind, joint, unit))
-    return ParameterLayout(tuple(parameters), len(joint_types), tuple(couplings))
+    present = {"Ia": drive_inertia, "Fv": "viscous" in friction, "Fc": "coulomb" in friction}
+    present["off"] = "offset" in friction
+    of_drives = [kind for kind in _OF_DRIVES if present[kind]]
+    listed = [
+        (kind, joint) for joint in range(len(joint_types)) for kind in (*INERTIAL, *of_drives)
+    ]
+    listed += [(f"{k}m", joint) for _, joint in couplings for k in ("Fv", "Fc") if present[k]]
+    parameters = tuple(
+        StandardParameter(
+            f"{kind}{joint + 1}", kind, joint, _unit(kind, joint_types[joint], effort_unit)
+        )
+        for kind, joint in listed
+    )
+    return ParameterLayout(parameters, len(joint_types), tuple(couplings))
 
 
 def _unit(kind: str, joint_type: JointType, effort_unit: EffortUnit) -> str:
     if kind not in INERTIAL:
-        return unit_at(_OF_DRIVES[kind], joint_type, effort_unit)
+        return unit_at(_OF_DRIVES[kind.removesuffix("m")], joint_type, effort_unit)
     if effort_unit == "N m":
         return {"M": "kg", "MX": "kg m", "MY": "kg m", "MZ": "kg m"}.get(kind, "kg m²")
     revolute = joint_type == "revolute"

@@ -16,11 +16,13 @@ from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_motion import (
     LinkFrames,
     LinkMotion,
+    Vector,
     empty_motion,
     link_frames,
     move_links,
     place_links,
     turn,
+    turn_back,
 )
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.robot import RobotModel
@@ -39,12 +41,7 @@ def ascend(rot: FloatArray, p: FloatArray, pose: FloatArray) -> None:
 
 @kernel
 def joint_row(
-    axis: tuple[float, float, float],
-    slide: tuple[float, float, float],
-    a: tuple[float, float, float],
-    w: tuple[float, float, float],
-    d: tuple[float, float, float],
-    row: FloatArray,
+    axis: Vector, slide: Vector, a: Vector, w: Vector, d: Vector, row: FloatArray
 ) -> None:
     """Torque of one joint for each of M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ of one link.
 
@@ -87,13 +84,10 @@ def _entry(digest: str) -> Callable[..., Any]:
         rows: IntArray,
         matrix: FloatArray,
     ) -> None:
-        """Fill the columns of the inertial parameters in `matrix` (samples, n, n_standard).
+        """Fill the columns of inertial parameters in `matrix` (samples, n, n_standard) of zeros.
 
-        - `q`, `dq`, `ddq`: (samples, n), joints in tree order
-        - `motion`, `pose` (3, 4), `row` (10,): written to
-        - `place`: (n, 10), column of each parameter of each link
-        - `rows`: (n,), row of each joint of the tree
-        - `matrix`: zeros where a joint does not move a link
+        `q`, `dq`, `ddq`: (samples, n), joints in tree order; `place` (n, 10), `rows` (n,): columns
+        of the links' parameters, rows of the joints; `motion`, `pose` (3, 4), `row` (10,): written.
         """
         _ = digest
         samples, n = q.shape
@@ -114,13 +108,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     # The axis of joint j is z of its frame: the third row of the rotation.
                     axis = turn(turned, pose[2, 0], pose[2, 1], pose[2, 2])
                     if frames.revolute[j]:
-                        x, y = -pose[1, 3], pose[0, 3]
-                        slide = turn(
-                            turned,
-                            pose[0, 0] * x + pose[1, 0] * y,
-                            pose[0, 1] * x + pose[1, 1] * y,
-                            pose[0, 2] * x + pose[1, 2] * y,
-                        )
+                        slide = turn(turned, *turn_back(pose, -pose[1, 3], pose[0, 3], 0.0))
                     else:
                         axis, slide = (0.0, 0.0, 0.0), axis
                     joint_row(axis, slide, acceleration, spin, rate, row)
@@ -146,11 +134,9 @@ class StandardRegressor:
     def __call__(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None = None
     ) -> FloatArray:
-        """Evaluate at n_samples states.
+        """Evaluate at states `q`, `dq`, `ddq` (n_samples, n_joints) rad, rad/s, rad/s² (m, …).
 
-        - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
-        - `smooth`: (n_joints,) speeds below which the sign of dry friction is smoothed; None: sharp
-
+        `smooth` (n_joints,): speeds below which the sign of dry friction is smoothed; None: sharp.
         Returns (n_samples, n_joints, n_standard).
         """
         samples, joints = q.shape

@@ -6,14 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model.mjcf import joint_motion
 from idim_iv_ros.model.parameters import DynamicParameters, JointType
-from idim_iv_ros.model.urdf import MOVABLE, Urdf, UrdfJoint, judge_urdf, quoted, refuse
-from idim_iv_ros.model.urdf_reader import read_urdf_text
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.model.urdf import (
+    MOVABLE,
+    Urdf,
+    judge_urdf,
+    quoted,
+    read_urdf_text,
+    refuse,
+)
+from idim_iv_ros.types import FloatArray, IntArray
 
 _DIGITS = 9  # of lengths in m and of directions; what is rounded beyond is the same robot
 _NO_LIMIT = 1e9  # rad, rad/s, N m (m, m/s, N): a limit as large stands for none
@@ -37,19 +42,14 @@ class RobotModel:
     """Kinematic tree of the identified joints with the values that the URDF gives."""
 
     name: str
-    # In the order of the configuration; the columns of every array follow it
-    joints: tuple[str, ...]
-    joint_types: tuple[JointType, ...]  # ``revolute`` or ``prismatic``
-    # pinocchio.Model: reduced model: every other joint is locked at its neutral position
-    pinocchio: pin.Model
-    # (n_joints,) int: ``q_pinocchio = q[order]``: joint of the configuration at each place of the
-    # tree
-    order: NDArray[np.int64]
+    joints: tuple[str, ...]  # In the order of the configuration, which every array has
+    joint_types: tuple[JointType, ...]
+    pinocchio: pin.Model  # Reduced: every other joint is locked at its neutral position
+    order: IntArray  # (n_joints,): joint at a place of the tree: ``q_pinocchio = q[order]``
     limits: JointLimits
     # Inertials of the URDF, damping and friction of its ``<dynamics>``, drive inertia as given
     given: DynamicParameters
-    # What of the URDF is possible but hard to believe, a sentence each
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()  # What of the URDF is possible but hard to believe, in sentences
     armature_given: bool = False  # Whether anything says what inertia the drives have
     carriers: tuple[str, ...] = ()  # Locked joints that carry identified ones
 
@@ -99,62 +99,66 @@ def load_robot(
     doubts = [*description.notes, *_locked_doubts(description, joints), *doubts]
     model, tree = _kinematic_tree(description, joints)
     model.gravity.linear = np.asarray(gravity, dtype=float)
-    order = np.array([list(joints).index(joint) for joint in tree], dtype=np.int64)
     elements = [description.joints[joint] for joint in joints]
+    limits = np.tile([[-np.inf], [np.inf], [np.inf], [np.inf]], len(elements))
+    for joint, column in zip(elements, limits.T, strict=True):
+        # URDF: lower and upper are 0 when left out.
+        lower, upper = joint.limits.get("lower", 0.0), joint.limits.get("upper", 0.0)
+        if joint.type != "continuous" and lower < upper:
+            column[:2] = lower, upper
+        column[2:] = [joint.limits.get(key, np.inf) for key in ("velocity", "effort")]
+    limits[np.abs(limits) >= _NO_LIMIT] *= np.inf
+    given = DynamicParameters.zero(len(joints), couplings)
+    order = np.array([list(joints).index(joint) for joint in tree], dtype=np.int64)
+    given.inertial[order] = [body.toDynamicParameters() for body in model.inertias[1:]]
+    given.drive_inertia[:] = [j.armature for j in elements] if armature is None else armature
+    given.coupling_inertia[:] = given.drive_inertia[given.coupling_joints[:, 1]]
+    given.viscous[:] = [joint.damping for joint in elements]
+    given.coulomb[:] = [joint.friction for joint in elements]
+    carrier_of = {joint.child: joint for joint in description.joints.values()}
+    carriers: list[str] = []
+    for carried in elements:
+        carrier = carrier_of.get(carried.parent)
+        while carrier is not None:
+            if carrier.type in MOVABLE and carrier.name not in (*joints, *carriers):
+                carriers.append(carrier.name)
+            carrier = carrier_of.get(carrier.parent)
     return RobotModel(
         name=name or description.name or "robot",
         joints=tuple(joints),
         joint_types=types,
         pinocchio=model,
         order=order,
-        limits=_limits(elements),
-        given=_given(model, order, elements, armature, couplings),
+        limits=JointLimits(*limits),
+        given=given,
         doubts=tuple(f"{source}: {doubt}" for doubt in doubts),
         armature_given=armature is not None or description.from_mjcf,
-        carriers=_carriers(description, joints),
+        carriers=tuple(carriers),
     )
 
 
-def _carriers(urdf: Urdf, joints: Sequence[str]) -> tuple[str, ...]:
-    """Names of the movable joints that carry an identified one and are none of them."""
-    above = {joint.child: name for name, joint in urdf.joints.items()}
-    carriers: list[str] = []
-    for joint in joints:
-        name = above.get(urdf.joints[joint].parent)
-        while name is not None:
-            if urdf.joints[name].type in MOVABLE and name not in (*joints, *carriers):
-                carriers.append(name)
-            name = above.get(urdf.joints[name].parent)
-    return tuple(carriers)
-
-
-def _joint_type(urdf: Urdf, joint: str, source: str) -> JointType:
-    if joint not in urdf.joints:
-        movable = [quoted(name) for name, joint in urdf.joints.items() if joint.type in MOVABLE]
-        movable_words = (
-            f"its movable joints: {', '.join(movable)}" if movable else "it has no movable one"
-        )
-        raise UsageError(f"{source}: no joint {quoted(joint)} in this URDF; {movable_words}")
-    tied, beyond = urdf.joints[joint].tied, urdf.joints[joint].beyond
-    if tied:
+def _joint_type(urdf: Urdf, name: str, source: str) -> JointType:
+    joint, shown = urdf.joints.get(name), quoted(name)
+    if joint is None:
+        movable = ", ".join(quoted(j.name) for j in urdf.joints.values() if j.type in MOVABLE)
+        words = f"its movable joints: {movable}" if movable else "it has no movable one"
+        raise UsageError(f"{source}: no joint {shown} in this URDF; {words}")
+    if joint.tied:
         raise UsageError(
-            f"{source}: joint {quoted(joint)} is {tied}; only hinges and slides that nothing ties "
+            f"{source}: joint {shown} is {joint.tied}; only hinges and slides that nothing ties "
             "can be identified: leave it out of robot.joints"
         )
-    if beyond:
+    if joint.beyond:
         raise UsageError(
-            f"{source}: joint {quoted(joint)} has {beyond}, which the nominal model has no term "
+            f"{source}: joint {shown} has {joint.beyond}, which the nominal model has no term "
             "for: take it out of the file; diagnose finds such effects"
         )
-    urdf_type = urdf.joints[joint].type
-    if urdf_type in ("revolute", "continuous"):
-        return "revolute"
-    if urdf_type == "prismatic":
-        return "prismatic"
-    raise UsageError(
-        f"{source}: joint {quoted(joint)} is {urdf_type}; only revolute, continuous and prismatic "
-        "joints can be identified"
-    )
+    if joint.type not in MOVABLE:
+        raise UsageError(
+            f"{source}: joint {shown} is {joint.type}; only revolute, continuous and prismatic "
+            "joints can be identified"
+        )
+    return "prismatic" if joint.type == "prismatic" else "revolute"
 
 
 def _locked_doubts(urdf: Urdf, joints: Sequence[str]) -> list[str]:
@@ -189,7 +193,11 @@ def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[
             place = place * joint.placement
             kind = pin.FrameType.OP_FRAME
             if joint.name in joints:
-                carrier = model.addJoint(carrier, _joint_model(joint), place, joint.name)
+                axis = joint.axis / np.linalg.norm(joint.axis)
+                moved = pin.JointModelRevoluteUnaligned(axis)
+                if joint.type == "prismatic":
+                    moved = pin.JointModelPrismaticUnaligned(axis)
+                carrier = model.addJoint(carrier, moved, place, joint.name)
                 tree.append(joint.name)
                 place, kind = pin.SE3.Identity(), pin.FrameType.JOINT
             elif joint.rest != 0.0 and joint.type in MOVABLE:
@@ -202,45 +210,6 @@ def _kinematic_tree(urdf: Urdf, joints: Sequence[str]) -> tuple[pin.Model, list[
             body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
             model.appendBodyToJoint(carrier, body, place)
     return model, tree
-
-
-def _joint_model(joint: UrdfJoint) -> pin.JointModel:
-    axis = joint.axis / np.linalg.norm(joint.axis)
-    if joint.type == "prismatic":
-        return pin.JointModelPrismaticUnaligned(axis)
-    return pin.JointModelRevoluteUnaligned(axis)
-
-
-def _limits(elements: Sequence[UrdfJoint]) -> JointLimits:
-    values = np.full((4, len(elements)), np.inf)
-    values[0] = -np.inf
-    for column, joint in enumerate(elements):
-        # URDF: lower and upper are 0 when left out.
-        lower, upper = joint.limits.get("lower", 0.0), joint.limits.get("upper", 0.0)
-        if joint.type != "continuous" and lower < upper:
-            values[:2, column] = lower, upper
-        for row, key in ((2, "velocity"), (3, "effort")):
-            values[row, column] = joint.limits.get(key, np.inf)
-    values[np.abs(values) >= _NO_LIMIT] *= np.inf
-    return JointLimits(*values)
-
-
-def _given(
-    model: pin.Model,
-    order: NDArray[np.int64],
-    elements: Sequence[UrdfJoint],
-    armature: Sequence[float] | None,
-    couplings: Sequence[tuple[int, int]],
-) -> DynamicParameters:
-    given = DynamicParameters.zero(len(elements), couplings)
-    for tree, joint in enumerate(order):
-        given.inertial[joint] = model.inertias[tree + 1].toDynamicParameters()
-    of_file = [joint.armature for joint in elements]
-    given.drive_inertia[:] = of_file if armature is None else armature
-    given.coupling_inertia[:] = given.drive_inertia[given.coupling_joints[:, 1]]
-    given.viscous[:] = [joint.damping for joint in elements]
-    given.coulomb[:] = [joint.friction for joint in elements]
-    return given
 
 
 def kinematics_digest(robot: RobotModel) -> str:

@@ -12,17 +12,18 @@ recording decides what it shows, and the divergence from the nominal model the r
 """
 
 import time
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from idim_iv_ros.errors import DataError
+from idim_iv_ros.estimation.least_squares import solve_instrumental_variables
+from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.model import BaseParameters, RobotModel
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.physical.pseudo_inertia import (
+    LEAST_OF_NOMINAL,
     UNITS,
     ConicProblem,
     Coordinates,
@@ -35,19 +36,66 @@ from idim_iv_ros.physical.result import (
     PhysicalParameters,
     Source,
     StandardValue,
+    TorqueError,
 )
-from idim_iv_ros.physical.torque_error import Judge
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+_PARTS = 4
+Projection = Callable[[FloatArray], FloatArray]
+
+
+class Judge:
+    """Errors of the torque on all rows, and on quarters that were left out of the fit of b numbers.
+
+    Quarters are reduced once: R factors of three make the fit, that of the fourth judges it. The
+    weights are the standard deviations `sigma` (n_joints,) of the joints' residuals.
+    """
+
+    def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):
+        self._parameters, self._sigma = parameters, sigma
+        ends = [np.linspace(0, len(joint.torque), _PARTS + 1).astype(np.int64) for joint in rows]
+        self._parts = [
+            [
+                joint.part(slice(*end[k : k + 2])).reduced
+                for joint, end in zip(rows, ends, strict=True)
+            ]
+            for k in range(_PARTS)
+        ]
+
+    def __call__(
+        self, projection: Projection, estimate: FloatArray, consistent: FloatArray
+    ) -> TorqueError:
+        """Judge β̂ (b,) and the set that `projection` makes of it (b,)."""
+        whole = self._error([estimate] * _PARTS), self._error([consistent] * _PARTS)
+        estimates = []
+        for left_out in range(_PARTS):
+            others = [part for k, part in enumerate(self._parts) if k != left_out]
+            rows = [first.joined(more) for first, *more in zip(*others, strict=True)]
+            try:
+                linear = solve_instrumental_variables(rows, self._parameters, self._sigma)
+            except (DataError, np.linalg.LinAlgError):  # a quarter is indispensable
+                return TorqueError(*whole, None, None)
+            estimates.append(linear.values)
+        projected = [projection(values) for values in estimates]
+        return TorqueError(*whole, self._error(estimates), self._error(projected))
+
+    def _error(self, estimates: Sequence[FloatArray]) -> float:
+        """Relative torque error, %, over all quarters, with an estimate for every quarter."""
+        error = torque = 0.0
+        for part, values in zip(self._parts, estimates, strict=True):
+            for rows, sigma in zip(part, self._sigma, strict=True):
+                error += float(np.sum(rows.residual(values) ** 2)) / sigma**2
+                torque += float(np.sum(rows.torque**2)) / sigma**2
+        return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
+
 
 # λ: a difference of one standard deviation costs 1. A load of a hundred times the moments of a thin
 # flange has a divergence of thousands, so that λ must be far smaller than a nominal link of twice
 # the size would need: else the divergence outweighs the recording, and a rigid arm is called
 # impossible. Below 1e-4 the solver begins to fail.
-# ε: what a link has at least of its nominal pseudo-inertia in every direction.
 TIE_BREAKER = 1e-3
 _LARGEST_TIE_BREAKER = 0.1
-LEAST_OF_NOMINAL = 1e-3
 ALPHA = 0.01
 _ACTIVE = 1.5  # a bound holds a link back within this factor of it
 AT_ZERO = 1e-3  # of its σ: what is nearer to zero is there, but for the solver's tolerance
@@ -80,23 +128,27 @@ def nearest_physical(
     shown, root = root_of_information(covariance)
     group = base.grouping @ coordinates.to_standard
     nominal = given[coordinates.drives]
-    kinds = np.array([base.layout.parameters[k].kind for k in coordinates.drives])
-    names = np.array([base.layout.names[k] for k in coordinates.drives])
-    bounded = np.isin(kinds, list(NON_NEGATIVE)) & ~np.isin(names, list(shared))
+    bounded = not_negative(base, coordinates.drives, shared)
     scale = _scales(base, coordinates.drives, nominal, values)
 
     def solve(estimate: FloatArray) -> FloatArray:
-        problem = ConicProblem(
-            matrix=root @ group[shown],
-            right=root @ estimate[shown],
-            links=len(coordinates.links),
-            nominal=nominal,
-            scale=scale,
-            bounded=bounded,
-            weights=np.ones(len(coordinates.links)),
-            least=LEAST_OF_NOMINAL,
-        )
-        x = _solved(problem, TIE_BREAKER)
+        tie_breaker = TIE_BREAKER
+        while True:
+            problem = ConicProblem(
+                matrix=root @ group[shown],
+                right=root @ estimate[shown],
+                nominal=nominal,
+                scale=scale / np.sqrt(tie_breaker),
+                bounded=bounded,
+                weights=np.full(len(coordinates.links), tie_breaker),
+            )
+            try:
+                x = problem.solve()
+                break
+            except DataError:  # a recording almost without noise: λ is below the solver's digits
+                if tie_breaker > _LARGEST_TIE_BREAKER / 2.0:
+                    raise
+                tie_breaker *= 10.0
         drives = x[10 * len(coordinates.links) :]
         drives[bounded & (drives < AT_ZERO * drive_std)] = 0.0
         return x
@@ -106,9 +158,29 @@ def nearest_physical(
     x = solve(values)
     standard = coordinates.to_standard @ x
     consistent = base.grouping @ standard
-    links = _links(robot, base, coordinates, group[shown], values[shown], x)
+    # The estimate, split as the nominal model splits it: drives and friction keep their place.
+    start = coordinates.reference
+    start[10 * len(coordinates.links) :] = nominal
+    missing = values[shown] - group[shown] @ start
+    change, *_ = np.linalg.lstsq(group[shown], missing, rcond=None)
+    before = coordinates.to_standard @ (start + change)
+    links = []
+    for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
+        first, second = (
+            float(np.linalg.eigvalsh(link.relative(parameters[place]))[0])
+            for parameters in (before, standard)
+        )
+        eigenvalues = tuple(map(float, link.eigenvalues(standard[place])))
+        active_link = second < _ACTIVE * LEAST_OF_NOMINAL
+        links.append(LinkInertia(joint, first, second, LEAST_OF_NOMINAL, eigenvalues, active_link))
     deviations = _standard_deviations(coordinates, root @ group[shown], x, bounded, scale)
-    sources = _sources(base, shown)
+    # Whether the recording shows standard parameters alone, in a sum, or not at all.
+    rows = base.grouping[shown]
+    vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
+    alone = 1.0 - np.sum(vectors**2, axis=0) < _INDEPENDENT
+    sources: list[Source] = ["recording" if yes else "recording and nominal model" for yes in alone]
+    for k in np.flatnonzero(~np.any(rows, axis=0)):
+        sources[k] = "nominal model"
     active = (
         *(link.joint for link in links if link.active),
         # What a bound holds at zero, of what the recording shows.
@@ -148,16 +220,12 @@ def nearest_physical(
             )
             for k, parameter in enumerate(base.layout.parameters)
         ),
-        links=links,
+        links=tuple(links),
         base=tuple(
-            BaseChange(
-                name,
-                float(values[k]),
-                float(std[k]),
-                float(consistent[k]),
-                float((consistent[k] - values[k]) / std[k]) if std[k] > 0.0 else float("nan"),
+            BaseChange(name, value, error, new, (new - value) / error if error > 0.0 else np.nan)
+            for name, value, error, new in zip(
+                base.names, values.tolist(), std.tolist(), consistent.tolist(), strict=True
             )
-            for k, name in enumerate(base.names)
         ),
         active=active,
         shared=tuple(name for name in base.layout.names if name in shared),
@@ -165,19 +233,6 @@ def nearest_physical(
         torque_error=error,
         seconds=time.perf_counter() - begin,
     )
-
-
-def _solved(problem: ConicProblem, tie_breaker: float) -> FloatArray:
-    """Solve a problem of weight one with λ; a larger one where λ is below the solver's digits."""
-    weighted = replace(
-        problem, scale=problem.scale / np.sqrt(tie_breaker), weights=tie_breaker * problem.weights
-    )
-    try:
-        return weighted.solve()
-    except DataError:  # a recording almost without noise
-        if tie_breaker > _LARGEST_TIE_BREAKER / 2.0:
-            raise
-        return _solved(problem, 10.0 * tie_breaker)
 
 
 def nearest_body(
@@ -195,12 +250,10 @@ def nearest_body(
     problem = ConicProblem(
         matrix=rows / std[:, None],
         right=values / std,
-        links=1,
         nominal=none,
         scale=none,
         bounded=none.astype(bool),
         weights=np.array([TIE_BREAKER]),
-        least=LEAST_OF_NOMINAL,
     )
     return np.asarray(link.to_parameters @ problem.solve())
 
@@ -224,43 +277,11 @@ def _scales(
     return np.where(scale > 0.0, scale, 1.0)
 
 
-def _links(
-    robot: RobotModel,
-    base: BaseParameters,
-    coordinates: Coordinates,
-    group: FloatArray,
-    values: FloatArray,
-    x: FloatArray,
-) -> tuple[LinkInertia, ...]:
-    """Eigenvalues of the links' pseudo-inertias, of the estimate and of the nearest bodies."""
-    start = coordinates.reference
-    # Drives and friction keep their place: only what links have in common with them is split.
-    start[10 * len(coordinates.links) :] = base.layout.vector(robot.given)[coordinates.drives]
-    change, *_ = np.linalg.lstsq(group, values - group @ start, rcond=None)
-    before, after = coordinates.to_standard @ (start + change), coordinates.to_standard @ x
-    listed = []
-    for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
-        smallest = [
-            float(np.linalg.eigvalsh(link.relative(values[place]))[0]) for values in (before, after)
-        ]
-        listed.append(
-            LinkInertia(
-                joint,
-                smallest[0],
-                smallest[1],
-                LEAST_OF_NOMINAL,
-                tuple(float(eigenvalue) for eigenvalue in link.eigenvalues(after[place])),
-                smallest[1] < _ACTIVE * LEAST_OF_NOMINAL,
-            )
-        )
-    return tuple(listed)
-
-
 def _standard_deviations(
     coordinates: Coordinates,
     matrix: FloatArray,
     x: FloatArray,
-    bounded: NDArray[np.bool_],
+    bounded: BoolArray,
     scale: FloatArray,
 ) -> FloatArray:
     """Deviations of π* by the noise of β̂ alone; dπ*/dβ̂ is constant near the optimum."""
@@ -279,18 +300,11 @@ def _standard_deviations(
     return np.asarray(np.linalg.norm(coordinates.to_standard @ gain, axis=1))
 
 
-def _sources(base: BaseParameters, shown: IntArray) -> list[Source]:
-    """Whether the recording shows each standard parameter alone, in a sum, or not at all."""
-    rows = base.grouping[shown]
-    vectors = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)[2]
-    listed: list[Source] = []
-    for k in range(rows.shape[1]):
-        if not np.any(rows[:, k]):
-            listed.append("nominal model")
-            continue
-        alone = 1.0 - float(np.sum(vectors[:, k] ** 2)) < _INDEPENDENT
-        listed.append("recording" if alone else "recording and nominal model")
-    return listed
+def not_negative(base: BaseParameters, drives: IntArray, shared: Collection[str]) -> BoolArray:
+    """Whether physics forbids drive or friction parameters (k,) below zero; not `shared` ones."""
+    parameters = [base.layout.parameters[k] for k in drives]
+    allowed = [one.kind in NON_NEGATIVE and one.name not in shared for one in parameters]
+    return np.array(allowed, dtype=bool)
 
 
 def smallest_std(base: BaseParameters, drives: IntArray, std: FloatArray) -> FloatArray:

@@ -19,18 +19,16 @@ import and compilation would take ten times as long as the solution. log det J̃
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.model import BaseParameters, RobotModel
-from idim_iv_ros.model.parameters import INERTIAL
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
+# ε: what a link has at least of its nominal pseudo-inertia in every direction.
+LEAST_OF_NOMINAL = 1e-3
 # Of the nominal pseudo-inertia a direction is at least this share of the largest of its kind: a
 # nominal link that is a point, a rod or a sheet, or has no mass, leaves the others free.
 _LEAST_SHARE = 1e-4
@@ -41,46 +39,18 @@ for _place, (_row, _column) in enumerate(TRIANGLE):
     UNITS[_place, _row, _column] = UNITS[_place, _column, _row] = 1.0
 
 
-def _basis() -> FloatArray:
-    """Pseudo-inertias (4, 4, 10) of unit parameters, in the order of `INERTIAL`."""
-    basis = np.zeros((4, 4, 10))
-    for place, name in enumerate(INERTIAL):
-        if name == "M":
-            basis[3, 3, place] = 1.0
-        elif name.startswith("M"):
-            axis = "XYZ".index(name[1])
-            basis[axis, 3, place] = basis[3, axis, place] = 1.0
-        else:
-            first, second = ("XYZ".index(letter) for letter in name)
-            if first == second:
-                basis[(0, 1, 2), (0, 1, 2), place] = 0.5
-                basis[first, first, place] = -0.5
-            else:
-                basis[first, second, place] = basis[second, first, place] = -1.0
-    return basis
-
-
-BASIS = _basis()
-
-
 def pseudo_inertia(parameters: FloatArray) -> FloatArray:
     """Pseudo-inertia J (4, 4) of a body's parameters XX … M (10,), kg m², kg m, kg."""
-    return np.asarray(BASIS @ parameters)
+    xx, xy, xz, yy, yz, zz, x, y, z, mass = parameters
+    half = 0.5 * (xx + yy + zz)
+    rows = [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z]]
+    return np.array([*rows, [x, y, z, mass]])
 
 
 def inertial_parameters(matrix: FloatArray) -> FloatArray:
     """Parameters XX … M (10,) of a body with the pseudo-inertia J (4, 4)."""
-    second, trace = matrix[:3, :3], float(np.trace(matrix[:3, :3]))
-    parameters = np.zeros(10)
-    for place, name in enumerate(INERTIAL):
-        if name == "M":
-            parameters[place] = matrix[3, 3]
-        elif name.startswith("M"):
-            parameters[place] = matrix["XYZ".index(name[1]), 3]
-        else:
-            row, column = ("XYZ".index(letter) for letter in name)
-            parameters[place] = (trace if row == column else 0.0) - second[row, column]
-    return parameters
+    inertia = np.trace(matrix[:3, :3]) * np.eye(3) - matrix[:3, :3]
+    return np.concatenate([inertia[np.triu_indices(3)], matrix[:, 3]])
 
 
 @dataclass(frozen=True)
@@ -159,11 +129,8 @@ class Coordinates:
         of_joints = base.layout.of_bodies
         masses = robot.given.inertial[:, 0]
         mass = float(np.mean(masses[masses > 0.0])) if np.any(masses > 0.0) else 1.0
-        distances = [
-            float(np.linalg.norm(placement.translation))
-            for placement in robot.pinocchio.jointPlacements[1:]
-        ]
-        length = max(float(np.mean(distances)), 0.05)
+        ways = [placement.translation for placement in robot.pinocchio.jointPlacements[1:]]
+        length = max(float(np.mean(np.linalg.norm(ways, axis=1))), 0.05)
         bodies = [standard[place] for place in of_joints] + [body for _, body in loads]
         places = (*of_joints, *(of_joints[joint] for joint, _ in loads))
         links = tuple(ReferenceLink.of(body, mass, length) for body in bodies)
@@ -177,10 +144,8 @@ class Coordinates:
     @property
     def reference(self) -> FloatArray:
         """Coordinates x (10 n + k,) of the reference bodies, with drives at zero."""
-        x = np.zeros(self.to_standard.shape[1])
-        diagonal = [float(row == column) for row, column in TRIANGLE]
-        x[: 10 * len(self.links)] = np.tile(diagonal, len(self.links))
-        return x
+        bodies = np.tile([float(row == column) for row, column in TRIANGLE], len(self.links))
+        return np.pad(bodies, (0, len(self.drives)))
 
 
 def root_of_information(covariance: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -206,13 +171,11 @@ class ConicProblem:
 
     matrix: FloatArray  # (r, 10 n + k): A
     right: FloatArray  # (r,): a
-    links: int  # n
-    # nominal, scale: (k,): d⁰ and s; a scale of infinity leaves a parameter to the data
-    nominal: FloatArray
-    scale: FloatArray
-    bounded: NDArray[np.bool_]  # (k,) bool: which of d are not negative
+    nominal: FloatArray  # (k,): d⁰
+    scale: FloatArray  # (k,): s; infinity leaves a parameter to the data
+    bounded: BoolArray  # (k,): which of d are not negative
     weights: FloatArray  # (n,): λ of each link
-    least: float  # ε
+    least: float = LEAST_OF_NOMINAL  # ε
 
     def solve(self) -> FloatArray:
         """Return the x (10 n + k,) that solves the problem.
@@ -222,15 +185,34 @@ class ConicProblem:
         import clarabel
 
         shown, unknowns = self.matrix.shape
-        quadratic, linear = self._objective(unknowns, shown)
-        rows, cones = self._constraints(clarabel)
+        links = len(self.weights)
+        start, variables = _SIZE * links, unknowns + shown + links * (_SIZE + 4)
+        # The objective ½ xᵀ P x + qᵀ x in all variables, P diagonal.
+        diagonal, linear = np.zeros((2, variables))
+        diagonal[unknowns : unknowns + shown] = 2.0
+        weight = 2.0 / self.scale**2
+        diagonal[start:unknowns] = weight
+        linear[start:unknowns] = -weight * self.nominal
+        traces = np.array([row == column for row, column in TRIANGLE])
+        linear[:start] = np.outer(self.weights, traces).ravel()
+        logarithms = np.repeat([0.0, 1.0], [_SIZE, 4])
+        linear[unknowns + shown :] = -np.outer(self.weights, logarithms).ravel()
+        # Rows of b − A x in cones below the equations, one below the other.
+        bounded = (start + np.flatnonzero(self.bounded)).tolist()
+        rows: list[_Row] = [({variable: -1.0}, 0.0) for variable in bounded]
+        cones = [clarabel.ZeroConeT(shown)]
+        cones += [clarabel.NonnegativeConeT(1) for _ in bounded]
+        for link in range(links):
+            rows += self._link(link)
+            cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(8)]
+            cones += [clarabel.ExponentialConeT() for _ in range(4)]
         right = np.concatenate([self.right, [value for _, value in rows]])
         entries = [(k, *one) for k, (factors, _) in enumerate(rows) for one in factors.items()]
         table = np.array(entries, dtype=float).reshape(-1, 3)
         equal = sparse.csc_matrix(np.hstack([self.matrix, -np.eye(shown)]))
-        equal.resize(shown, self._variables)
-        shape = (len(rows), self._variables)
-        inside = sparse.csc_matrix((table[:, 2], table[:, :2].T.astype(int)), shape=shape)
+        equal.resize(shown, variables)
+        places = table[:, :2].T.astype(int)
+        inside = sparse.csc_matrix((table[:, 2], places), shape=(len(rows), variables))
         matrix = sparse.vstack([equal, inside], format="csc")
         settings = clarabel.DefaultSettings()
         settings.verbose = False
@@ -238,47 +220,15 @@ class ConicProblem:
         # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
         settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        solver = clarabel.DefaultSolver(quadratic, linear, matrix, right, cones, settings)
-        solution = solver.solve()
+        quadratic = sparse.diags(diagonal, format="csc")
+        problem = (quadratic, linear, matrix, right, cones, settings)
+        solution = clarabel.DefaultSolver(*problem).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             raise DataError(
                 "no masses and inertias of real bodies come near the estimates "
                 f"(clarabel: {solution.status})"
             )
         return np.asarray(solution.x)[:unknowns]
-
-    @property
-    def _variables(self) -> int:
-        shown, unknowns = self.matrix.shape
-        return int(unknowns + shown + self.links * (_SIZE + 4))
-
-    def _objective(self, unknowns: int, shown: int) -> tuple[sparse.csc_matrix, FloatArray]:
-        """Matrix P and vector q of the objective ½ xᵀ P x + qᵀ x in all variables."""
-        diagonal, linear = np.zeros(self._variables), np.zeros(self._variables)
-        diagonal[unknowns : unknowns + shown] = 2.0
-        start = _SIZE * self.links
-        weight = 2.0 / self.scale**2
-        diagonal[start:unknowns] = weight
-        linear[start:unknowns] = -weight * self.nominal
-        for link, divergence in enumerate(self.weights):
-            for place, (row, column) in enumerate(TRIANGLE):
-                if row == column:
-                    linear[_SIZE * link + place] = divergence
-            logarithms = unknowns + shown + link * (_SIZE + 4) + _SIZE
-            linear[logarithms : logarithms + 4] = -divergence
-        return sparse.diags(diagonal, format="csc"), linear
-
-    def _constraints(self, clarabel: ModuleType) -> tuple[list[_Row], list[Any]]:
-        """Rows of b − A x in cones below the equations, one below the other, and all cones."""
-        bounded = (_SIZE * self.links + np.flatnonzero(self.bounded)).tolist()
-        rows: list[_Row] = [({variable: -1.0}, 0.0) for variable in bounded]
-        cones = [clarabel.ZeroConeT(len(self.matrix))]
-        cones += [clarabel.NonnegativeConeT(1) for _ in bounded]
-        for link in range(self.links):
-            rows += self._link(link)
-            cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(8)]
-            cones += [clarabel.ExponentialConeT() for _ in range(4)]
-        return rows, cones
 
     def _link(self, link: int) -> Iterator[_Row]:
         """Constraints of a link: J̃ ≽ ε 1, and the variables whose sum is log det J̃."""

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.model import BaseParameters, RobotModel
-from idim_iv_ros.model.base_parameters import NON_NEGATIVE
-from idim_iv_ros.physical.nearest import AT_ZERO, LEAST_OF_NOMINAL, smallest_std
+from idim_iv_ros.physical.nearest import AT_ZERO, not_negative, smallest_std
 from idim_iv_ros.physical.pseudo_inertia import (
     TRIANGLE,
     ConicProblem,
@@ -43,8 +42,8 @@ class Remainder:
 
     standard: FloatArray  # (p,): standard parameters of the robot without its loads
     loads: tuple[FloatArray, ...]  # XX … M of each
-    # links, drives: (n_joints,): relative sizes w that the estimate asks for; zero where the
-    # nominal numbers stay
+    # (n_joints,) each: relative sizes w that the estimate asks for; zero where the nominal numbers
+    # stay
     links: FloatArray
     drives: FloatArray
     uncertainty: "Uncertainty"
@@ -61,9 +60,8 @@ class Uncertainty:
     coordinates: Coordinates  # Links and loads of the maximum as references
     # (q, q): lower triangular; root @ root.T is the covariance of x of these coordinates
     root: FloatArray
-    # link, drive: The relative sizes
-    link: float
-    drive: float
+    link: float  # Relative size
+    drive: float  # Relative size
 
 
 @dataclass(frozen=True)
@@ -115,24 +113,15 @@ def spread_remainder(
     start = coordinates.reference
     start[bodies:] = standard[coordinates.drives]
     drives = moved[bodies:]
-    bounded = np.array(
-        [
-            base.layout.parameters[k].kind in NON_NEGATIVE
-            and base.layout.names[k] not in unbounded
-            and standard[k] >= 0.0
-            for k in coordinates.drives[drives]
-        ],
-        dtype=bool,
-    )
+    places = coordinates.drives[drives]
+    bounded = not_negative(base, places, unbounded) & (standard[places] >= 0.0)
     problem = ConicProblem(
         matrix=matrix[:, moved],
         right=missing + matrix[:, moved] @ start[moved],
-        links=int(moved[:bodies:10].sum()),
         nominal=start[bodies:][drives],
         scale=np.sqrt(variances[bodies:][drives]),
         bounded=bounded,
         weights=2.0 / variances[:bodies:10][moved[:bodies:10]],
-        least=LEAST_OF_NOMINAL,
     )
     x = start.copy()
     x[moved] = problem.solve()
@@ -143,47 +132,28 @@ def spread_remainder(
     change = x - start
     change[10 * joints : bodies] = 0.0  # loads are bodies of their own
     most_likely = standard + coordinates.to_standard @ change
-    estimated = tuple(
-        np.asarray(link.to_parameters @ triangle)
-        for link, triangle in zip(
-            coordinates.links[joints:], x[10 * joints : bodies].reshape(-1, 10), strict=True
-        )
-    )
-    at_most_likely = Coordinates.of(
-        robot,
-        base,
-        most_likely,
-        [(joint, body) for (joint, _), body in zip(loads, estimated, strict=True)],
-    )
+    pairs = zip(coordinates.links[joints:], x[10 * joints : bodies].reshape(-1, 10), strict=True)
+    estimated = tuple(np.asarray(link.to_parameters @ triangle) for link, triangle in pairs)
+    carried = [(joint, body) for (joint, _), body in zip(loads, estimated, strict=True)]
+    after = Coordinates.of(robot, base, most_likely, carried)
+    # The uncertainty of the posterior, in coordinates whose references are the maximum.
+    shared = replace(prior, groups=prior.groups // joints)
+    link, drive = common = np.maximum(_sizes(matrix, missing, shared, 2), _LEAST_OF_UNSHOWN)
+    deviations = np.sqrt(shared.variances(common))
+    _, singular, directions = np.linalg.svd(matrix * deviations)
+    left = np.ones(len(deviations))
+    left[: len(singular)] = 1.0 / np.sqrt(1.0 + singular**2)
+    spread = deviations[:, None] * directions.T * left
+    for number, (old, new) in enumerate(zip(coordinates.links, after.links, strict=True)):
+        rows = slice(10 * number, 10 * number + 10)
+        spread[rows] = np.linalg.solve(new.to_parameters, old.to_parameters @ spread[rows])
     return Remainder(
         standard=most_likely,
         loads=estimated,
         links=sizes[:joints],
         drives=sizes[joints:],
-        uncertainty=_uncertainty(matrix, missing, prior, joints, coordinates, at_most_likely),
+        uncertainty=Uncertainty(after, lower_root(spread), float(link), float(drive)),
     )
-
-
-def _uncertainty(
-    matrix: FloatArray,
-    missing: FloatArray,
-    prior: _Prior,
-    joints: int,
-    before: Coordinates,
-    after: Coordinates,
-) -> Uncertainty:
-    """Uncertainty of the posterior; `before`, `after`: coordinates of prior and maximum."""
-    shared = replace(prior, groups=prior.groups // joints)
-    sizes = np.maximum(_sizes(matrix, missing, shared, 2), _LEAST_OF_UNSHOWN)
-    deviations = np.sqrt(shared.variances(sizes))
-    _, shown, directions = np.linalg.svd(matrix * deviations)
-    left = np.ones(len(deviations))
-    left[: len(shown)] = 1.0 / np.sqrt(1.0 + shown**2)
-    root = deviations[:, None] * directions.T * left
-    for number, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
-        rows = slice(10 * number, 10 * number + 10)
-        root[rows] = np.linalg.solve(new.to_parameters, old.to_parameters @ root[rows])
-    return Uncertainty(after, lower_root(root), float(sizes[0]), float(sizes[1]))
 
 
 def lower_root(root: FloatArray) -> FloatArray:
@@ -218,13 +188,10 @@ def _prior(
     size[kinds == "off"] = np.median(size[kinds == "Fc"]) if np.any(kinds == "Fc") else 0.0
     estimated = np.abs(np.linalg.pinv(base.grouping) @ estimate)[coordinates.drives]
     size = np.where(size > 0.0, size, np.maximum(estimated, np.finfo(float).tiny))
+    of_bodies = np.repeat(np.minimum(np.arange(bodies), joints - 1), 10)
+    of_drives = joints + np.array([drive.joint for drive in drives], dtype=np.int64)
     return _Prior(
-        groups=np.concatenate(
-            [
-                np.repeat(np.minimum(np.arange(bodies), joints - 1), 10),
-                joints + np.array([drive.joint for drive in drives], dtype=np.int64),
-            ]
-        ),
+        groups=np.concatenate([of_bodies, of_drives]),
         units=np.concatenate([np.tile(triangle, bodies), size**2]),
         free=np.concatenate([np.repeat(loose, 10), [drive.name in named for drive in drives]]),
     )

@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
 from idim_iv_ros.errors import first_of
-from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
 from idim_iv_ros.report.gap_words import (

@@ -19,7 +19,7 @@ from idim_iv_ros.errors import ReportWarning, one_line
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
-from idim_iv_ros.model.skeleton import Skeleton, skeleton
+from idim_iv_ros.model.link_motion import Skeleton, skeleton
 from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.report.time_axis import SessionAxis, session_axis
 

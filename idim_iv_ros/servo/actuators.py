@@ -13,7 +13,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import SERVO, write_together
 from idim_iv_ros.identification.prepare import description_text, read_configured
-from idim_iv_ros.model.mujoco_package import load_mujoco, set_first
+from idim_iv_ros.model.mjcf import load_mujoco, set_first
 from idim_iv_ros.servo.result import ServoJoint, ServoResult
 
 MODEL, ISAAC_LAB, CONFIGURATION = "servo.xml", "servo_isaac_lab.py", "servo.yaml"
@@ -62,7 +62,13 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
     if source is not None:
         spec = mujoco.MjSpec.from_file(str(source))
     else:
-        spec = mujoco.MjSpec.from_string(_without_shapes(urdf))
+        root = ElementTree.fromstring(urdf)
+        for link in root.iter("link"):  # meshes need not be there
+            for shape in (*link.findall("visual"), *link.findall("collision")):
+                link.remove(shape)
+        settings = {"fusestatic": "false", "discardvisual": "true", "balanceinertia": "true"}
+        ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", settings)
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         spec.option.gravity = configuration.robot.gravity
     spec.option.timestep = min(spec.option.timestep, _STEP)
     step = spec.option.timestep
@@ -83,27 +89,15 @@ def servo_mjcf(result: ServoResult, configuration: Configuration, urdf: str) -> 
         position.trntype = mujoco.mjtTrn.mjTRN_JOINT
         position.gaintype = mujoco.mjtGain.mjGAIN_FIXED
         position.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        position.gainprm = [stiffness, *[0.0] * (len(position.gainprm) - 1)]
-        position.biasprm = [0.0, -stiffness, *[0.0] * (len(position.biasprm) - 2)]
+        # Whatever the defaults of a user's file make of an actuator.
+        position.gainprm[:] = position.biasprm[:] = 0.0
+        position.gainprm[0], position.biasprm[1] = stiffness, -stiffness
         if math.isfinite(limit):
             position.forcelimited, position.forcerange = True, [-limit, limit]
         if delay > 0.0 and hasattr(position, "delay"):
             position.delay, position.nsample = delay, math.ceil(delay / step) + 1
     spec.compile()
     return str(spec.to_xml())
-
-
-def _without_shapes(urdf: str) -> str:
-    """URDF without visuals and collisions, whose meshes need not be there, joints kept apart."""
-    root = ElementTree.fromstring(urdf)
-    for link in root.iter("link"):
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            link.remove(shape)
-    element = ElementTree.SubElement(root, "mujoco")
-    ElementTree.SubElement(
-        element, "compiler", fusestatic="false", discardvisual="true", balanceinertia="true"
-    )
-    return ElementTree.tostring(root, encoding="unicode")
 
 
 def servo_isaac_lab(result: ServoResult) -> str:
@@ -145,42 +139,37 @@ def servo_configuration(
     model is the one that `servo_mjcf` writes.
     """
     joints = list(result.joints)
-    delays = [rounded(joint, "delay") for joint in joints]
     limits = [rounded(joint, "torque limit", math.inf) for joint in joints]
-    controller: dict[str, object] = {
-        "type": "pd",
-        "kp": [rounded(joint, "stiffness") for joint in joints],
-        "kd": [0.0] * len(joints),
-        "period": _PERIOD,
+    limited = {"torque_limit": limits} if all(map(math.isfinite, limits)) else {}
+    return {
+        "robot": {
+            "mjcf": MODEL,
+            "joints": [joint.joint for joint in joints],
+            "gravity": list(configuration.robot.gravity),
+        },
+        "controller": {
+            "type": "pd",
+            "kp": [rounded(joint, "stiffness") for joint in joints],
+            "kd": [0.0] * len(joints),
+            "period": _PERIOD,
+            **limited,
+        },
+        "signals": {
+            "joint_states": configuration.signals.joint_states,
+            "effort": "none",
+            "reference": configuration.signals.reference,
+            "reference_delay": float(np.mean([rounded(joint, "delay") for joint in joints])),
+        },
     }
-    if all(map(math.isfinite, limits)):
-        controller["torque_limit"] = limits
-    signals: dict[str, object] = {
-        "joint_states": configuration.signals.joint_states,
-        "effort": "none",
-        "reference": configuration.signals.reference,
-        "reference_delay": float(np.mean(delays)),
-    }
-    robot: dict[str, object] = {
-        "mjcf": MODEL,
-        "joints": [joint.joint for joint in joints],
-        "gravity": list(configuration.robot.gravity),
-    }
-    return {"robot": robot, "controller": controller, "signals": signals}
 
 
 def require_servo_files(out: Path, *, force: bool) -> None:
-    """Refuse to replace files that no earlier identification of servos wrote.
-
-    Raises UsageError: there is one.
-    """
-    if force or (out / SERVO).is_file():
-        return
-    for name in (MODEL, ISAAC_LAB, CONFIGURATION):
-        if (out / name).exists():
+    """Refuse with a UsageError to replace files that no earlier identification of servos wrote."""
+    for file in (out / MODEL, out / ISAAC_LAB, out / CONFIGURATION):
+        if file.exists() and not force and not (out / SERVO).is_file():
             raise UsageError(
-                f"{out / name}: exists, and is not of an earlier `idim-iv servo`; give another "
-                "--out, or --force to replace it"
+                f"{file}: exists, and is not of an earlier `idim-iv servo`; give another --out, "
+                "or --force to replace it"
             )
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
@@ -15,11 +16,124 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.servo.fit import DriveEstimate, Run, fit_drive, fit_factor, residuals, scales
-from idim_iv_ros.servo.numbers import absolute_numbers, interval_width, is_absolute, ratio_numbers
-from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoResult, ServoSeries
-from idim_iv_ros.servo.robot_fit import LARGEST_ANGLE, Motion, fit_servos, present_parameters
+from idim_iv_ros.servo.fit import (
+    LARGEST_ANGLE,
+    PARAMETERS,
+    DriveEstimate,
+    Motion,
+    Run,
+    fit_drive,
+    fit_factor,
+    fit_servos,
+    present_parameters,
+    residuals,
+)
+from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoNumber, ServoResult, ServoSeries
 from idim_iv_ros.signals.joint_side import joint_transform
+from idim_iv_ros.types import FloatArray
+
+_LEVEL = 0.95
+# Largest ratio of a standard deviation to 1 / K at which it may be divided by.
+_SHOWN = 1.0 / 3.0
+# Name and unit of what a parameter is times the stiffness, and of the parameter itself.
+_ABSOLUTE = {
+    "inertia": ("armature", "kg m²"),
+    "damping": ("damping", "N m s/rad"),
+    "friction": ("dry friction", "N m"),
+    "offset": ("offset", "N m"),
+    "limit": ("torque limit", "N m"),
+}
+_RATIOS = {
+    "inertia": ("armature / stiffness", "s²"),
+    "damping": ("damping / stiffness", "s"),
+    "friction": ("dry friction / stiffness", "rad"),
+    "offset": ("offset / stiffness", "rad"),
+    "delay": ("delay", "s"),
+    "limit": ("error at the torque limit", "rad"),
+}
+WITH_LINKS = "inertia of drive and links / stiffness"
+
+
+def interval_width(answer: DriveEstimate) -> float:
+    """Half of a 95 % interval, in standard deviations that blocks of time gave (Student's t)."""
+    return float(scipy.stats.t.ppf(0.5 + 0.5 * _LEVEL, max(answer.blocks - 1, 1)))
+
+
+def is_absolute(answer: DriveEstimate) -> bool:
+    """Whether the recording shows the stiffness in N m/rad."""
+    std = float(np.sqrt(answer.covariance[0, 0]))
+    return answer.drive.compliance > 0.0 and std <= _SHOWN * answer.drive.compliance
+
+
+def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNumber, ...]:
+    """Stiffness, armature, damping, dry friction, offset, torque limit and friction by load.
+
+    - `model_error`: standard deviation of the nominal torques, as a share of them
+    """
+    width, compliance = interval_width(answer), answer.drive.compliance
+    covariance = answer.covariance.copy()
+    covariance[0, 0] += (model_error * compliance) ** 2
+    half = width * float(np.sqrt(covariance[0, 0]))
+    lowest = compliance - half
+    stiffness = ServoNumber(
+        name="stiffness",
+        unit="N m/rad",
+        value=1.0 / compliance,
+        low=1.0 / (compliance + half),
+        high=1.0 / lowest if lowest > 0.0 else np.inf,
+        shown=True,
+    )
+    numbers = [stiffness]
+    for kind, (name, unit) in _ABSOLUTE.items():
+        value = getattr(answer.drive, kind)
+        slopes = {"compliance": -value / compliance**2, kind: 1.0 / compliance}
+        numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
+    by_load = answer.drive.load_friction
+    slopes = {"load_friction": 1.0}
+    return (*numbers, _number("friction by load", "1", by_load, slopes, covariance, width))
+
+
+def ratio_numbers(answer: DriveEstimate, *, with_links: bool) -> tuple[ServoNumber, ...]:
+    """Numbers of a servo that need no torque: ratios to its stiffness.
+
+    - `with_links`: whether the inertia is that of the links, too, because they were not told apart
+    """
+    width, covariance, numbers = interval_width(answer), answer.covariance, []
+    for kind, (name, unit) in _RATIOS.items():
+        name = WITH_LINKS if kind == "inertia" and with_links else name
+        value = getattr(answer.drive, kind)
+        numbers.append(_number(name, unit, value, {kind: 1.0}, covariance, width))
+    limit, damping = answer.drive.limit, answer.drive.damping
+    if np.isfinite(limit) and damping > 0.0:
+        slopes = {"limit": 1.0 / damping, "damping": -limit / damping**2}
+        speed = limit / damping
+        numbers.append(_number("speed at no load", "rad/s", speed, slopes, covariance, width))
+    return tuple(numbers)
+
+
+def _number(
+    name: str,
+    unit: str,
+    value: float,
+    slopes: dict[str, float],
+    covariance: FloatArray,
+    width: float,
+) -> ServoNumber:
+    """A number with its interval, from its derivatives by the parameters."""
+    if not np.isfinite(value):
+        return ServoNumber(name=name, unit=unit, value=np.nan, low=np.nan, high=np.inf, shown=False)
+    slope = np.array([slopes.get(parameter, 0.0) for parameter in PARAMETERS])
+    half = width * float(np.sqrt(slope @ covariance @ slope))
+    low, high, either_sign = value - half, value + half, "offset" in slopes
+    return ServoNumber(
+        name=name,
+        unit=unit,
+        value=float(value),
+        low=float(low if either_sign else max(low, 0.0)),
+        high=float(high),
+        shown=low > 0.0 or (either_sign and high < 0.0),
+    )
+
 
 _SAME = 0.1  # share by which a gain may differ from the one given and be called the same
 _WINDOW, _LOST = 1.0, 0.5  # s; share of the tracking error at which no servo explains a motion
@@ -37,24 +151,15 @@ def identify_servos(
 ) -> ServoResult:
     """Identify the servos of a robot from commands and positions.
 
-    Parameters
-    ----------
-    bags
-        Recordings of one robot, used together.
-    configuration
-        With `signals.effort` ``none`` and the topic of the commands as `signals.reference`.
-    gains
-        The servos' setting in each recording, in any unit, where it differs; stiffness and ratios
-        are those of the first.
-    model_error
-        Standard deviation of the nominal rigid-body torques, as a share of them.
+    - `bags`: recordings of one robot, used together
+    - `configuration`: with `signals.effort` ``none`` and the topic of the commands as
+      `signals.reference`
+    - `gains`: the servos' setting in each recording, in any unit, where it differs; stiffness and
+      ratios are those of the first
+    - `model_error`: standard deviation of the nominal rigid-body torques, as a share of them
 
-    Raises
-    ------
-    UsageError
-        The configuration is wrong, or has efforts or no reference.
-    DataError
-        The recordings cannot support the answer.
+    Raises UsageError: the configuration is wrong, or has efforts or no reference; DataError: the
+    recordings cannot support the answer.
     """
     source = configuration.source or "the configuration"
     if configuration.signals.effort_topic is not None:
@@ -80,28 +185,28 @@ def identify_servos(
         fitted = fit_servos(motions, robot)
         watch.stage("held out", 0.7)
         joints = tuple(
-            _joint(robot, number, runs, answer, model_error)
-            for number, (runs, answer) in enumerate(fitted)
+            _joint(name, runs, answer, model_error)
+            for name, (runs, answer) in zip(robot.joints, fitted, strict=True)
         )
         watch.stage("gains", 0.9)
-        checks: tuple[GainCheck, ...] = ()
+        checks: list[GainCheck] = []
         if gains is not None and len(motions) > 1:
-            checks = tuple(
-                check
-                for joint, (runs, answer) in zip(robot.joints, fitted, strict=True)
-                for check in _gain_checks(joint, motions, runs, answer, settings)
-            )
+            for joint, (runs, answer) in zip(robot.joints, fitted, strict=True):
+                checks += _gain_checks(joint, runs, answer, settings)
     return ServoResult(
         robot=robot.name,
         recordings=tuple(recording.path.name for recording in recordings),
         gain=settings[0],
         joints=joints,
-        gains=checks,
+        gains=tuple(checks),
         model_error=model_error,
-        warnings=_warnings(configuration, robot, joints, motions, fitted),
+        warnings=_warnings(configuration, robot, joints, fitted),
         software={"idim_iv_ros": version("idim-iv-ros"), "scipy": version("scipy")},
         timing=watch.timing,
-        series=_series(robot, motions, fitted),
+        series=tuple(
+            _series(joint, runs[0], answer)
+            for joint, (runs, answer) in zip(robot.joints, fitted, strict=True)
+        ),
     )
 
 
@@ -152,10 +257,7 @@ def _require_servo(where: str, motion: Motion, column: int) -> None:
             )
 
 
-def _joint(
-    robot: RobotModel, number: int, runs: Sequence[Run], answer: DriveEstimate, model_error: float
-) -> ServoJoint:
-    """The result for a joint: numbers of its servo with intervals, and errors of position."""
+def _joint(name: str, runs: Sequence[Run], answer: DriveEstimate, model_error: float) -> ServoJoint:
     absolute = is_absolute(answer)
     reason = ""
     if not absolute:
@@ -164,14 +266,14 @@ def _joint(
             "stiffness of the loop are known: add a known mass, or move where gravity acts"
         )
         start = answer.drive._replace(compliance=0.0, load_friction=0.0)
-        free = [name for name in present_parameters(start) if name != "compliance"]
-        answer = fit_drive(runs, start, free, scales(runs))
+        free = [parameter for parameter in present_parameters(start) if parameter != "compliance"]
+        answer = fit_drive(runs, start, free)
     position = np.concatenate([run.position[run.valid] for run in runs])
     steps = np.diff(np.unique(position))
     steps = steps[steps > 1e-7]
     asked = np.concatenate([(run.command - run.position)[run.used] for run in runs])
     return ServoJoint(
-        joint=robot.joints[number],
+        joint=name,
         absolute=absolute,
         reason=reason,
         numbers=absolute_numbers(answer, model_error) if absolute else (),
@@ -185,79 +287,68 @@ def _joint(
 
 def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
     """Rms error of position, rad, at half the recordings after a fit to the other half."""
-    early = [np.arange(len(run.position))[:, None] < len(run.position) // 2 for run in runs]
-    errors = []
-    for halves in (early, [~half for half in early]):
-        fitted, others = (
-            [
-                replace(run, valid=run.valid & (half == inside))
-                for run, half in zip(runs, halves, strict=True)
-            ]
-            for inside in (True, False)
-        )
-        drive = fit_drive(fitted, answer.drive, answer.free, scales(runs)).drive
-        errors.append(residuals(others, drive))
+    halves: tuple[list[Run], list[Run]] = ([], [])
+    for run in runs:
+        early = np.arange(len(run.position))[:, None] < len(run.position) // 2
+        halves[0].append(replace(run, valid=run.valid & early))
+        halves[1].append(replace(run, valid=run.valid & ~early))
+    errors = [
+        residuals(others, fit_drive(fitted, answer.drive, answer.free).drive)
+        for fitted, others in (halves, halves[::-1])
+    ]
     error = np.concatenate(errors)
     return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
 
 
 def _gain_checks(
-    joint: str,
-    motions: Sequence[Motion],
-    runs: Sequence[Run],
-    answer: DriveEstimate,
-    settings: Sequence[float],
+    joint: str, runs: Sequence[Run], answer: DriveEstimate, settings: Sequence[float]
 ) -> list[GainCheck]:
     """Compare the given gain of a recording with its estimate from all other recordings."""
     checks = []
-    for number, (motion, given) in enumerate(zip(motions, settings, strict=True)):
-        others = [run for k, run in enumerate(runs) if k != number]
-        drive = fit_drive(others, answer.drive, answer.free, scales(runs))
-        factor, std = fit_factor(runs[number], drive, "gain")
+    for tested, given in zip(runs, settings, strict=True):
+        others = [run for run in runs if run is not tested]
+        drive = fit_drive(others, answer.drive, answer.free)
+
+        def scaled(factor: float, run: Run = tested) -> Run:
+            return replace(run, gain=factor * run.gain)
+
+        factor, std = fit_factor(scaled, drive)
         wide = interval_width(drive) * std
         low, high = given * max(factor - wide, 0.0), given * (factor + wide)
-        agrees = low <= given <= high or abs(factor - 1.0) < _SAME
         checks.append(
             GainCheck(
-                recording=motion.name,
+                recording=tested.name,
                 joint=joint,
                 given=given,
                 estimated=given * factor,
                 low=low,
                 high=high,
-                agrees=agrees,
+                agrees=low <= given <= high or abs(factor - 1.0) < _SAME,
             )
         )
     return checks
-
-
-def _lost(
-    joint: ServoJoint, motions: Sequence[Motion], runs: Sequence[Run], answer: DriveEstimate
-) -> str:
-    """Where a joint moves as no servo does: when it is off, blocked or pushed; else empty."""
-    for motion, run in zip(motions, runs, strict=True):
-        left = np.where(run.used, run.position - run.simulated(answer.drive), 0.0)[:, 0]
-        window = max(int(_WINDOW * run.rate), 1)
-        size = np.sqrt(np.convolve(left**2, np.ones(window) / window, mode="valid"))
-        first = np.flatnonzero(size > _LOST * joint.nominal)
-        if len(first):
-            return (
-                f"{motion.name}: {joint.joint} does not move as its servo asks from "
-                f"{first[0] / run.rate:.1f} s on: is it off, blocked or pushed there? cut that part"
-            )
-    return ""
 
 
 def _warnings(
     configuration: Configuration,
     robot: RobotModel,
     joints: Sequence[ServoJoint],
-    motions: Sequence[Motion],
     fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
 ) -> tuple[str, ...]:
     warnings = list(robot.doubts)
     for joint, (runs, answer) in zip(joints, fitted, strict=True):
-        warnings += filter(None, [_lost(joint, motions, runs, answer)])
+        for run in runs:
+            left = np.where(run.used, run.position - run.simulated(answer.drive), 0.0)[:, 0]
+            window = max(int(_WINDOW * run.rate), 1)
+            size = np.sqrt(np.convolve(left**2, np.ones(window) / window, mode="valid"))
+            lost = np.flatnonzero(size > _LOST * joint.nominal)
+            if len(lost):
+                warnings.append(
+                    f"{run.name}: {joint.joint} does not move as its servo asks from "
+                    f"{lost[0] / run.rate:.1f} s on: is it off, blocked or pushed there? cut that "
+                    "part"
+                )
+                break
     given = configuration.controller.kp
     for place, joint in enumerate(joints):
         stiffness = joint.number("stiffness")
@@ -271,24 +362,13 @@ def _warnings(
     return tuple(warnings)
 
 
-def _series(
-    robot: RobotModel,
-    motions: Sequence[Motion],
-    fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
-) -> tuple[ServoSeries, ...]:
-    """Measured and simulated positions of the first recording, thinned for figures, by joint."""
-    series = []
-    for joint, (runs, answer) in zip(robot.joints, fitted, strict=True):
-        run = runs[0]
-        thin = slice(None, None, max(len(run.command) // _POINTS, 1))
-        series.append(
-            ServoSeries(
-                joint=joint,
-                recording=motions[0].name,
-                time=(np.arange(len(run.command)) / run.rate)[thin],
-                command=run.command[thin, 0],
-                measured=run.position[thin, 0],
-                simulated=run.simulated(answer.drive)[thin, 0],
-            )
-        )
-    return tuple(series)
+def _series(joint: str, run: Run, answer: DriveEstimate) -> ServoSeries:
+    thin = slice(None, None, max(len(run.command) // _POINTS, 1))
+    return ServoSeries(
+        joint=joint,
+        recording=run.name,
+        time=(np.arange(len(run.command)) / run.rate)[thin],
+        command=run.command[thin, 0],
+        measured=run.position[thin, 0],
+        simulated=run.simulated(answer.drive)[thin, 0],
+    )

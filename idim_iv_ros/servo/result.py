@@ -88,21 +88,11 @@ class ServoSeries:
 class ServoResult(Document):
     """Servos of a robot that records no efforts.
 
-    Attributes
-    ----------
-    robot : str
-    recordings : tuple of str
-    gain : float
-        Of the servo's own setting, for which stiffness and ratios are given; 1 without.
-    joints : tuple of ServoJoint
-    gains : tuple of GainCheck
-        Empty with one recording, or without gains.
-    model_error : float
-        Standard deviation of the nominal rigid-body torques that was assumed, as a share; absolute
-        numbers are as wrong as they are.
-    warnings : tuple of str
-    timing : dict
-        s.
+    - `gain`: of the servo's own setting, for which stiffness and ratios are given; 1 without
+    - `gains`: empty with one recording, or without gains
+    - `model_error`: standard deviation of the nominal rigid-body torques that was assumed, as a
+      share; absolute numbers are as wrong as they are
+    - `timing`: s
     """
 
     what: ClassVar[str] = "an identification of servos"

@@ -13,14 +13,12 @@ from idim_iv_ros.effects.contribution import (
     reference_direction,
 )
 from idim_iv_ros.effects.control_law import ControlLaw
-from idim_iv_ros.model.parameters import DynamicParameters
-from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals import Motion, central_differences
 from idim_iv_ros.simulation.affected_robot import (
-    JointContributions,
     affected_robot,
-    contributions_of,
     encoder_error,
+    link_positions,
     true_state,
 )
 from idim_iv_ros.simulation.closed_loop_kernel import (
@@ -32,9 +30,8 @@ from idim_iv_ros.simulation.closed_loop_kernel import (
     run_closed_loop,
 )
 from idim_iv_ros.simulation.effect_kernel import Effects
-from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
+from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
-from idim_iv_ros.simulation.shaft import link_positions
 from idim_iv_ros.types import FloatArray
 
 # Longest plant step when the caller gives none, s.
@@ -110,13 +107,13 @@ def simulate_closed_loop(
     - `accelerations`: whether the result holds them: each costs as much as a time step
 
     Raises UsageError: an effect that is not known, or whose parameters cannot be (see `effects`,
-    `shaft`).
+    `affected_robot`).
     """
     position_reference = np.asarray(position_reference, dtype=float)
     joints = position_reference.shape[1]
     period = 1.0 / rate if law.period is None else law.period
     step = period / math.ceil(period / PLANT_STEP - 1e-6) if plant_step is None else plant_step
-    present = contributions_of(joint_effects(effects or (), robot.joints), parameters.coulomb)
+    present = contributions_of(effects or (), robot.joints, parameters.coulomb)
     q, dq = np.array(initial_position, dtype=float), np.array(initial_velocity, dtype=float)
     arrays: Effects | None = None
     shafts: dict[int, ShaftPart] = {}
@@ -133,20 +130,13 @@ def simulate_closed_loop(
         robot, law, present, position_reference, velocity_reference, disturbance, rate, step
     )
     links = link_positions(robot, parameters, shafts, q) if shafts else q
-    start, speed = (
-        np.concatenate([values[robot.order], linked[behind]])
-        for values, linked in ((q, links), (dq, dq))
-    )
-    state = initial_state(dynamics, start, speed, loop.delay, loop.period)
-    samples = len(position_reference)
-    coordinates = joints + len(shafts)
-    trace = Trace(
-        position=np.zeros((samples, coordinates)),
-        velocity=np.zeros((samples, coordinates)),
-        acceleration=np.zeros((samples if accelerations else 0, coordinates)),
-        commanded=np.zeros((samples, joints)),
-        applied=np.zeros((samples, joints)),
-    )
+    start = np.concatenate([q[robot.order], links[behind]])
+    start_speed = np.concatenate([dq[robot.order], dq[behind]])
+    state = initial_state(dynamics, start, start_speed, loop.delay, loop.period)
+    samples, coordinates = len(position_reference), joints + len(shafts)
+    accelerated = np.zeros((samples if accelerations else 0, coordinates))
+    motion, torques = np.zeros((2, samples, coordinates)), np.zeros((2, samples, joints))
+    trace = Trace._make([*motion, accelerated, *torques])
     outcome, coordinate, recorded, time = run_closed_loop(
         dynamics, arrays, loop, state, trace, workspace(dynamics)
     )
@@ -158,8 +148,31 @@ def simulate_closed_loop(
         diverged = f"joint {name} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
     elif outcome != COMPLETED:
         diverged = f"the mass matrix is not positive definite at {time:.3f} s"
-    recorded_trace = Trace(*(values[:recorded] for values in trace))
-    return _result(rate, recorded_trace, robot, present, behind, diverged)
+    place = np.argsort(robot.order)
+    position, speed, acceleration, torque, applied = (
+        np.ascontiguousarray(values[:recorded, place]) for values in trace
+    )
+    measured, measured_speed, link, link_speed = position, speed, position, speed
+    if present.items:
+        error, slope = encoder_error(present, position)
+        measured, measured_speed = position + error, speed * (1.0 + slope)
+    if behind:
+        link, link_speed = position.copy(), speed.copy()
+        link[:, behind] = trace.position[:recorded, joints:]
+        link_speed[:, behind] = trace.velocity[:recorded, joints:]
+    return ClosedLoopResult(
+        rate=rate,
+        position=position,
+        velocity=speed,
+        acceleration=acceleration,
+        torque=torque,
+        applied_torque=applied,
+        diverged=diverged,
+        measured_position=measured,
+        measured_velocity=measured_speed,
+        link_position=link,
+        link_velocity=link_speed,
+    )
 
 
 def sampled_loop(
@@ -196,17 +209,6 @@ def sampled_loop(
         plant_step=float(plant_step),
         speed_factor=0.0 if law.speed_factor is None else float(law.speed_factor),
     )
-    _change_law(loop, added, speed)
-    return Loop._make(
-        np.ascontiguousarray(part[..., robot.order], dtype=float)
-        if isinstance(part, np.ndarray)
-        else part
-        for part in loop
-    )
-
-
-def _change_law(loop: Loop, added: JointContributions, speed: FloatArray) -> None:
-    """Write the changes that effects make of the configured law into `loop`, joint by joint."""
     for j, delay in added.of(CommandDelay):
         loop.delay[j] += delay.seconds
     for j, change in added.of(LawChange):
@@ -221,41 +223,11 @@ def _change_law(loop: Loop, added: JointContributions, speed: FloatArray) -> Non
             acceleration = np.gradient(of_joint, 1.0 / loop.rate)
             loop.feedforward[:, j] += change.feedforward_acceleration * acceleration
         loop.lag[j] = change.lag
-
-
-def _result(
-    rate: float,
-    trace: Trace,
-    robot: RobotModel,
-    added: JointContributions,
-    behind: list[int],
-    diverged: str | None,
-) -> ClosedLoopResult:
-    """Order the columns of a trace as the robot's joints; `behind`: joints with a shaft."""
-    place = np.argsort(robot.order)
-    position, speed, acceleration, torque, applied = (
-        np.ascontiguousarray(values[:, place]) for values in trace
-    )
-    measured, measured_speed, link, link_speed = position, speed, position, speed
-    if added.items:
-        error, slope = encoder_error(added, position)
-        measured, measured_speed = position + error, speed * (1.0 + slope)
-    if behind:
-        link, link_speed = position.copy(), speed.copy()
-        link[:, behind] = trace.position[:, len(place) :]
-        link_speed[:, behind] = trace.velocity[:, len(place) :]
-    return ClosedLoopResult(
-        rate=rate,
-        position=position,
-        velocity=speed,
-        acceleration=acceleration,
-        torque=torque,
-        applied_torque=applied,
-        diverged=diverged,
-        measured_position=measured,
-        measured_velocity=measured_speed,
-        link_position=link,
-        link_velocity=link_speed,
+    return Loop._make(
+        np.ascontiguousarray(part[..., robot.order], dtype=float)
+        if isinstance(part, np.ndarray)
+        else part
+        for part in loop
     )
 
 

@@ -3,6 +3,11 @@
 Control, the arrival of its delayed command at the plant, and the recording each have their own
 instants; the plant advances from one instant to the next in equal steps, so that the torque is
 constant within every step whatever the three rates are.
+
+The step is a midpoint rule of second order with one evaluation: positions drift half a step,
+velocities are predicted there from the previous acceleration, viscous friction is implicit
+(trapezoidal). A slip speed that would change its sign ends the step where it crosses zero; the
+contact is then at rest, and the remainder of the step is integrated anew.
 """
 
 import math
@@ -14,12 +19,175 @@ import numpy as np
 from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.effects import registry
 from idim_iv_ros.model import link_motion
-from idim_iv_ros.simulation import dry_friction, effect_kernel, plant_step, rigid_body
-from idim_iv_ros.simulation.dry_friction import accelerate
-from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque, measure
+from idim_iv_ros.model.link_motion import place_links
+from idim_iv_ros.simulation import dry_friction, effect_kernel, rigid_body
+from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
+from idim_iv_ros.simulation.effect_kernel import (
+    Effects,
+    acting_torque,
+    advance_states,
+    effect_torques,
+    measure,
+    states_turn,
+)
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
-from idim_iv_ros.simulation.plant_step import advance, prepare
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+# Slip speeds that cross zero within this fraction of a step cross together.
+TOGETHER = 1e-9
+
+
+@kernel
+def prepare(
+    plant: Plant,
+    effects: Effects | None,
+    time: float,
+    q: FloatArray,
+    predicted: FloatArray,
+    state: State,
+    ddq: FloatArray,
+    mode: IntArray,
+    torque: FloatArray,
+    step: float,
+    work: Workspace,
+) -> bool:
+    """Factor of M + step/2 D, and torques without dry friction; False if M is not positive.
+
+    `q` and `predicted` are the position and velocity at which the rigid bodies are evaluated, the
+    state has the velocity at the start of the step. With effects also dry friction levels and
+    damping are set: `ddq` is the last known acceleration, which the load of a joint is taken from.
+    """
+    dq = state.dq
+    if effects is None:
+        place_links(plant.frames, q, work.motion)
+        newton_euler(plant, predicted, state.rest, work, work.bias)
+        composite_rigid_body(plant, work, work.mass)
+        for i in range(q.shape[0]):
+            load = torque[i] - work.bias[i] - plant.offset[i]
+            for j in range(q.shape[0]):
+                load -= plant.damping[i, j] * dq[j]
+                work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
+            work.load[i] = load
+        positive: bool = factorise(work.mass, work.factor)
+        return positive
+    n = effects.link.shape[0]
+    for i in range(n):
+        effects.link_q[i] = q[effects.link[i]]
+        effects.link_speed[i] = predicted[effects.link[i]]
+    place_links(plant.frames, effects.link_q, work.motion)
+    newton_euler(plant, effects.link_speed, effects.rest, work, work.bias)
+    composite_rigid_body(plant, work, effects.rigid_mass)
+    for i in range(n):
+        effects.static[i] = effects.load[i] = work.bias[i]
+        effects.inertial[i] = 0.0
+        for j in range(n):
+            effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
+            effects.inertial[i] += plant.drive_inertia[i, j] * ddq[j]
+    effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
+    for i in range(q.shape[0]):
+        load = -plant.offset[i] - effects.force[i]
+        if i < n:
+            load += torque[i]
+        for j in range(q.shape[0]):
+            load -= plant.damping[i, j] * dq[j]
+            work.mass[i, j] = plant.drive_inertia[i, j] + effects.stiffness[i, j] * 0.25 * step**2
+            work.mass[i, j] += 0.5 * step * plant.damping[i, j]
+        work.load[i] = load
+    for i in range(n):
+        work.load[effects.link[i]] -= work.bias[i]
+        for j in range(n):
+            work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
+    positive = factorise(work.mass, work.factor)
+    return positive
+
+
+@kernel
+def advance(
+    plant: Plant, effects: Effects | None, time: float, state: State, step: float, work: Workspace
+) -> bool:
+    """Advance the state by one step under a constant torque; False if M is not positive.
+
+    Without effects numba leaves out the branches of `effects`: there are two machine codes.
+    `state.ddq` is the acceleration of the previous step on entry and of this one on return.
+    """
+    q, dq, ddq, torque, mode = state.q, state.dq, state.ddq, state.acting, state.mode
+    middle, predicted = state.middle, state.predicted
+    n, contacts, left = q.shape[0], mode.shape[0], step
+    attempts = contacts + 4
+    for attempt in range(attempts):
+        for i in range(n):
+            middle[i] = q[i] + 0.5 * left * dq[i]
+            predicted[i] = dq[i] + 0.5 * left * ddq[i]
+        instant = (plant, effects, time, middle, predicted, state, ddq, mode, torque, left, work)
+        if not prepare(*instant):
+            return False
+        accelerate(plant, state.resting, mode, work, ddq)
+        if effects is not None and states_turn(effects.rows, dq, ddq, left):
+            prepare(*instant)
+            accelerate(plant, state.resting, mode, work, ddq)
+        fraction = _first_crossing(plant, state, left, work.crossing)
+        if attempt == attempts - 1:
+            fraction = 1.0
+        for c in range(contacts):
+            if state.resting[c]:
+                state.resting[c] = mode[c] == 0 or slip(plant.contacts, c, ddq) == 0.0
+            else:
+                state.resting[c] = work.crossing[c] <= fraction + TOGETHER
+        part = fraction * left
+        if effects is not None:
+            advance_states(effects.rows, dq, ddq, part)
+        for i in range(n):
+            q[i] += part * (dq[i] + 0.5 * part * ddq[i])
+            dq[i] += part * ddq[i]
+        _stop(plant, state.resting, dq)
+        left -= part
+        if left <= TOGETHER * step:
+            break
+    return True
+
+
+@kernel
+def _first_crossing(plant: Plant, state: State, step: float, crossing: FloatArray) -> float:
+    """Fraction of the step at which the first slipping contact comes to rest, at most 1.
+
+    `crossing` (n_contacts,) is set to the fraction of each; 2 if it does not.
+    """
+    fraction = 1.0
+    for c in range(state.mode.shape[0]):
+        crossing[c] = 2.0
+        if state.resting[c] or plant.level[c] <= 0.0:
+            continue
+        sign = state.mode[c]
+        start = sign * slip(plant.contacts, c, state.dq)
+        end = start + step * sign * slip(plant.contacts, c, state.ddq)
+        if start <= 0.0:
+            crossing[c] = 0.0
+        elif end <= 0.0:
+            crossing[c] = start / (start - end)
+        fraction = min(fraction, crossing[c])
+    return fraction
+
+
+@kernel
+def _stop(plant: Plant, resting: BoolArray, dq: FloatArray) -> None:
+    """Make the slip speeds at rest exactly zero."""
+    n = dq.shape[0]
+    for c in range(n):
+        if resting[c]:
+            dq[c] = 0.0
+    for c in range(n, resting.shape[0]):
+        if not resting[c]:
+            continue
+        a, b, sign = plant.contacts.first[c], plant.contacts.second[c], plant.contacts.direction[c]
+        if resting[a]:
+            dq[b] = 0.0
+        elif resting[b]:
+            dq[a] = 0.0
+        else:  # both joints move: the nearest speeds that do not slip
+            dq[b] = 0.5 * (dq[b] - sign * dq[a])
+            dq[a] = -sign * dq[b]
+
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
 
@@ -28,11 +196,11 @@ SPEED_LIMIT = 1e3
 
 
 class Loop(NamedTuple):
-    """Control law as one PID with feedforward, and the instants of the loop.
+    """Control law as one PID with feedforward, and the instants of the loop, joints in tree order.
 
     kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
     `rate` (Hz); delay, lag : (n,) s; period, plant_step : s; speed_factor : of the filter of
-    differences that the law takes for the speed, 0 for the exact one. Joints in tree order.
+    differences that the law takes for the speed, 0 for the exact one.
     """
 
     kp: FloatArray
@@ -94,41 +262,6 @@ def command(
 
 
 @kernel
-def filter_command(loop: Loop, first: bool, filtered: FloatArray, out: FloatArray) -> None:
-    """Put the command behind the first-order filter of those joints that have one.
-
-    `filtered` (n,) is the filter's state; it starts at the first command.
-    """
-    for i in range(out.shape[0]):
-        if loop.lag[i] > 0.0:
-            if first:
-                filtered[i] = out[i]
-            filtered[i] -= (out[i] - filtered[i]) * math.expm1(-loop.period / loop.lag[i])
-            out[i] = filtered[i]
-
-
-@kernel
-def see_speed(loop: Loop, first: bool, state: State, q: FloatArray, dq: FloatArray) -> None:
-    """Filter differences of the positions that a law sees whose speed is not the exact one."""
-    for i in range(state.speed.shape[0]):
-        if first:
-            state.speed[i] = dq[i]
-        else:
-            difference = (q[i] - state.seen[i]) / loop.period
-            state.speed[i] += loop.speed_factor * (difference - state.speed[i])
-        state.seen[i] = q[i]
-
-
-@kernel
-def too_fast(dq: FloatArray) -> int:
-    """Joint whose speed is not below the limit, or -1."""
-    for i in range(dq.shape[0]):
-        if not abs(dq[i]) < SPEED_LIMIT:
-            return i
-    return -1
-
-
-@kernel
 def copy(source: FloatArray, target: FloatArray) -> None:
     """Copy values: numba takes a second to compile the assignment of a slice."""
     for i in range(source.shape[0]):
@@ -140,12 +273,23 @@ def _send(
     loop: Loop, state: State, time: float, controls: int, q: FloatArray, dq: FloatArray
 ) -> None:
     """Command of one control instant for what the encoders show, into the ring of pending ones."""
-    row = state.pending[controls % state.pending.shape[0]]
-    if loop.speed_factor > 0.0:
-        see_speed(loop, controls == 0, state, q, dq)
+    row, filtered = state.pending[controls % state.pending.shape[0]], state.filtered
+    if loop.speed_factor > 0.0:  # the law sees filtered differences of the positions
+        for i in range(q.shape[0]):
+            if controls == 0:
+                state.speed[i] = dq[i]
+            else:
+                difference = (q[i] - state.seen[i]) / loop.period
+                state.speed[i] += loop.speed_factor * (difference - state.speed[i])
+            state.seen[i] = q[i]
         dq = state.speed
     command(loop, time, q, dq, state.integral, row)
-    filter_command(loop, controls == 0, state.filtered, row)
+    for i in range(row.shape[0]):
+        if loop.lag[i] > 0.0:  # a filter of first order behind the law, from the first command on
+            if controls == 0:
+                filtered[i] = row[i]
+            filtered[i] -= (row[i] - filtered[i]) * math.expm1(-loop.period / loop.lag[i])
+            row[i] = filtered[i]
 
 
 @kernel
@@ -216,14 +360,12 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
         trace: Trace,
         work: Workspace,
     ) -> tuple[int, int, int, float]:
-        """Simulate from `state`, which is overwritten.
+        """Simulate from `state`, which is overwritten, until the `time` at which it ended.
 
-        Returns outcome, joint, samples, time: samples are those that were recorded before the time
-        at which it ended.
+        Returns outcome, joint, samples that were recorded before that time, time.
         """
         _ = digest
-        n, ring = loop.kp.shape[0], state.pending.shape[0]
-        samples = trace.position.shape[0]
+        n, ring, samples = loop.kp.shape[0], state.pending.shape[0], trace.position.shape[0]
         tolerance = 1e-9 * min(loop.period, 1.0 / loop.rate)
         # As literals the counts would have two types, and each function that takes them too.
         controls = recorded = int(np.int64(0))
@@ -256,18 +398,12 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                 until = min(until, state.arrivals[i] * loop.period + state.fraction[i])
             steps = max(math.ceil((until - time) / loop.plant_step - 1e-6), 1)
             for k in range(steps):
-                if not advance(
-                    plant,
-                    effects,
-                    time + k * (until - time) / steps,
-                    state,
-                    (until - time) / steps,
-                    work,
-                ):
+                start, step = time + k * (until - time) / steps, (until - time) / steps
+                if not advance(plant, effects, start, state, step, work):
                     return NOT_POSITIVE_DEFINITE, 0, recorded, time
-                joint = too_fast(state.dq)
-                if joint >= 0:
-                    return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
+                for joint in range(state.dq.shape[0]):
+                    if not abs(state.dq[joint]) < SPEED_LIMIT:
+                        return TOO_FAST, joint, recorded, time + (k + 1) * (until - time) / steps
             time = until
 
     @entry
@@ -283,7 +419,5 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
 
 
 run_closed_loop, send_command = _entries(
-    source_digest(
-        link_motion, rigid_body, dry_friction, effect_kernel, plant_step, *registry.MODULES
-    )
+    source_digest(link_motion, rigid_body, dry_friction, effect_kernel, *registry.MODULES)
 )

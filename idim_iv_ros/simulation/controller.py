@@ -23,15 +23,11 @@ LONGEST_DELAY = 3  # samples from the errors to the torque that are tried
 
 
 def factor_of_lateness(lateness: float, period: float) -> float | None:
-    """Filter of differences over a control period that is as late as another speed.
+    """Filter of differences over a control period that is as late as another speed, both in s.
 
     A backward difference is half a period late, and a filter of factor f another (1 − f) / f
-    periods (its group delay at low frequencies).
-
-    - `lateness`, `period`: s
-
-    Returns 0 < factor ≤ 1, or None where differences over the period are later than
-    that: the exact speed is then as near.
+    periods (its group delay at low frequencies). Returns 0 < f ≤ 1, or None where differences over
+    the period are later than that: the exact speed is then as near.
     """
     if lateness < 0.5 * period * (1.0 - 1e-9):
         return None
@@ -39,11 +35,9 @@ def factor_of_lateness(lateness: float, period: float) -> float | None:
 
 
 def control_period(section: ControllerSection, rates: Iterable[float]) -> float:
-    """Period of the control, s: the configured one, or what the recordings tell of it.
+    """Period of the control, s: the configured one, or what the rates of the recordings, Hz, tell.
 
     A robot has one controller, at least as fast as the fastest of its recordings.
-
-    - `rates`: of the recordings, Hz
     """
     return section.period if section.period is not None else 1.0 / max(rates)
 
@@ -56,24 +50,24 @@ def control_law(section: ControllerSection, n_joints: int) -> ControlLaw:
     """
     if section.type == "unknown":
         raise UsageError("controller.type is unknown: there is no law to simulate")
-
-    def values(given: Sequence[float] | None, default: float) -> FloatArray:
-        return np.full(n_joints, default) if given is None else np.asarray(given, dtype=float)
-
-    kp, kd = values(section.kp, 0.0), values(section.kd, 0.0)
+    kp, kd = _values(section.kp, 0.0, n_joints), _values(section.kd, 0.0, n_joints)
     cascade = section.type == "cascade"
     if cascade:
-        kd = values(section.drive_gain, 1.0) * values(section.kv, 0.0)
+        kd = _values(section.drive_gain, 1.0, n_joints) * _values(section.kv, 0.0, n_joints)
         kp = kd * kp
     return ControlLaw(
         kp=kp,
         kd=kd,
-        ki=values(section.ki, 0.0),
+        ki=_values(section.ki, 0.0, n_joints),
         velocity_reference=section.velocity_reference and not cascade,
-        torque_limit=values(section.torque_limit, np.inf),
+        torque_limit=_values(section.torque_limit, np.inf, n_joints),
         period=section.period,
         delay=section.delay,
     )
+
+
+def _values(given: Sequence[float] | None, default: float, n_joints: int) -> FloatArray:
+    return np.full(n_joints, default) if given is None else np.asarray(given, dtype=float)
 
 
 @dataclass(frozen=True)
@@ -120,22 +114,18 @@ class ControllerFit:
         if np.any(kp <= 0.0) or np.any(kd < 0.0):
             raise ValueError("the fitted law has a negative gain")
         velocity, acceleration = _reference_derivatives(signals)
-        feedforward = (
-            self.gain("bias")
-            + self.gain("reference_velocity") * velocity
-            + self.gain("reference_acceleration") * acceleration
-            + self.gain("reference_direction") * np.sign(velocity)
-        )
-        limit = np.full(len(kp), np.inf) if torque_limit is None else np.asarray(torque_limit)
         return ControlLaw(
             kp=kp,
             kd=kd,
             ki=self.gain("ki"),
             velocity_reference=True,
-            torque_limit=np.asarray(limit, dtype=float),
+            torque_limit=_values(torque_limit, np.inf, len(kp)),
             period=None,
             delay=self.delay / self.rate,
-            feedforward=feedforward,
+            feedforward=self.gain("bias")
+            + self.gain("reference_velocity") * velocity
+            + self.gain("reference_acceleration") * acceleration
+            + self.gain("reference_direction") * np.sign(velocity),
         )
 
 
@@ -156,27 +146,26 @@ def fit_controller(
     assert signals.position_reference is not None
     cutoff = rate / 10.0 if cutoff is None else cutoff
     sections = scipy.signal.butter(4, cutoff, fs=rate, output="sos")
-
-    def smooth(signal: FloatArray) -> FloatArray:
-        return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=0))
-
     dq = signals.velocity
     if dq is None:
         dq = np.gradient(position, 1.0 / rate, axis=0)
     reference_dq, reference_ddq = _reference_derivatives(signals)
     error = signals.position_reference - position
     columns = {
-        "kp": smooth(error),
-        "kd": smooth(reference_dq - dq),
-        "bias": np.ones_like(position),
-        "ki": smooth(np.cumsum(error, axis=0) / rate),
-        "reference_velocity": smooth(reference_dq),
-        "reference_acceleration": smooth(reference_ddq),
-        "reference_direction": smooth(np.sign(reference_dq)),
+        "kp": error,
+        "kd": reference_dq - dq,
+        "ki": np.cumsum(error, axis=0) / rate,
+        "reference_velocity": reference_dq,
+        "reference_acceleration": reference_ddq,
+        "reference_direction": np.sign(reference_dq),
+        "torque": torque,
     }
+    smooth = {
+        term: np.asarray(scipy.signal.sosfiltfilt(sections, column, axis=0))
+        for term, column in columns.items()
+    } | {"bias": np.ones_like(position)}
     terms = (*LAW, *CANDIDATES)
-    stack = np.stack([columns[term] for term in terms], axis=2)
-    target = smooth(torque)
+    stack, target = np.stack([smooth[term] for term in terms], axis=2), smooth["torque"]
     edge = min(int(np.ceil(2.0 * rate / cutoff)), len(position) // 10) + LONGEST_DELAY
     inside = np.zeros(len(position), dtype=bool)
     inside[edge : len(position) - edge] = True
@@ -221,35 +210,33 @@ def _fit_joint(
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], float]:
     """Gains, their std, which terms are in, R²; terms are added while one helps clearly."""
     chosen = list(range(len(LAW)))
-    _, residual = _least_squares(columns[:, chosen], target)
+    solution, residual = _least_squares(columns[:, chosen], target)
+    energy = float(residual @ residual)
     while True:
-        energies = {}
+        fits = {}
         for term in set(range(columns.shape[1])) - set(chosen):
             tried = columns[:, [*chosen, term]]
             scaled = tried / np.maximum(np.linalg.norm(tried, axis=0), 1e-300)
             singular = np.linalg.svd(scaled, compute_uv=False)
             if singular[-1] > COLLINEAR * singular[0]:
-                _, left = _least_squares(tried, target)
-                energies[term] = float(left @ left)
-        if not energies:
-            break
-        best = min(energies, key=lambda term: energies[term])
-        if energies[best] > (1.0 - CLEAR_IMPROVEMENT) * float(residual @ residual):
+                fits[term] = _least_squares(tried, target)
+        energies = {term: float(left @ left) for term, (_, left) in fits.items()}
+        best = min(energies, key=lambda term: energies[term], default=None)
+        if best is None or energies[best] > (1.0 - CLEAR_IMPROVEMENT) * energy:
             break
         chosen.append(best)
-        _, residual = _least_squares(columns[:, chosen], target)
-    solution, residual = _least_squares(columns[:, chosen], target)
-    correlation = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
+        (solution, residual), energy = fits[best], energies[best]
+    correlation = float(residual[1:] @ residual[:-1]) / max(energy, 1e-300)
     inflation = (1.0 + min(correlation, 0.999)) / max(1.0 - correlation, 1e-3)
     freedom = max(len(target) - len(chosen), 1)
-    variance = float(residual @ residual) / freedom * max(inflation, 1.0)
+    variance = energy / freedom * max(inflation, 1.0)
     inverse = np.linalg.pinv(columns[:, chosen].T @ columns[:, chosen])
     gains, std = np.zeros(columns.shape[1]), np.zeros(columns.shape[1])
     included = np.zeros(columns.shape[1], dtype=bool)
     gains[chosen], included[chosen] = solution, True
     std[chosen] = np.sqrt(variance * np.diag(inverse))
     spread = float(np.sum((target - target.mean()) ** 2))
-    r_squared = 1.0 - float(residual @ residual) / spread if spread > 0.0 else 0.0
+    r_squared = 1.0 - energy / spread if spread > 0.0 else 0.0
     return gains, std, included, r_squared
 
 

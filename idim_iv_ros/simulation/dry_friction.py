@@ -7,12 +7,9 @@ sign of its speed) or is stuck (mode 0, speed exactly zero). Contacts without fr
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from idim_iv_ros.compilation import kernel
-from idim_iv_ros.simulation.plant import Plant, Workspace
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.simulation.plant import Contacts, Plant, Workspace
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # A constraint whose pivot is this small beside its diagonal follows from the others.
 DEPENDENT = 1e-10
@@ -53,33 +50,21 @@ def solve(factor: FloatArray, vector: FloatArray) -> None:
 
 
 @kernel
-def slip(
-    first: IntArray, second: IntArray, direction: FloatArray, contact: int, speed: FloatArray
-) -> float:
-    """Slip speed of a contact (or what `speed` holds: slip acceleration).
-
-    The arrays come one by one: a whole plant is costly to pass in the innermost loop.
-    """
-    one: float = speed[first[contact]]
-    if second[contact] < 0:
+def slip(contacts: Contacts, contact: int, speed: FloatArray) -> float:
+    """Slip speed of a contact; slip acceleration where `speed` is an acceleration."""
+    one: float = speed[contacts.first[contact]]
+    if contacts.second[contact] < 0:
         return one
-    other: float = direction[contact] * speed[second[contact]]
+    other: float = contacts.direction[contact] * speed[contacts.second[contact]]
     return one + other
 
 
 @kernel
-def push(
-    first: IntArray,
-    second: IntArray,
-    direction: FloatArray,
-    contact: int,
-    amount: float,
-    load: FloatArray,
-) -> None:
+def push(contacts: Contacts, contact: int, amount: float, load: FloatArray) -> None:
     """Add a torque along a contact to the joint torques."""
-    load[first[contact]] += amount
-    if second[contact] >= 0:
-        load[second[contact]] += direction[contact] * amount
+    load[contacts.first[contact]] += amount
+    if contacts.second[contact] >= 0:
+        load[contacts.second[contact]] += contacts.direction[contact] * amount
 
 
 @kernel
@@ -88,25 +73,22 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
 
     `ddq` comes in as the acceleration without the holding torques.
     """
-    contacts = mode.shape[0]
-    for c in range(contacts):
-        work.holding[c] = 0.0
     count = 0
-    for c in range(contacts):
+    for c in range(mode.shape[0]):
+        work.holding[c] = 0.0
         if mode[c] != 0 or plant.level[c] <= 0.0:
             continue
         row = work.response[count]
         for i in range(ddq.shape[0]):
             row[i] = 0.0
-        push(plant.first, plant.second, plant.direction, c, 1.0, row)
+        push(plant.contacts, c, 1.0, row)
         solve(work.factor, row)
         for k in range(count):
-            entry = slip(plant.first, plant.second, plant.direction, work.independent[k], row)
+            entry = slip(plant.contacts, work.independent[k], row)
             for j in range(k):
                 entry -= work.schur[count, j] * work.schur[k, j]
             work.schur[count, k] = entry / work.schur[k, k]
-        whole = slip(plant.first, plant.second, plant.direction, c, row)
-        pivot = whole
+        whole = pivot = slip(plant.contacts, c, row)
         for j in range(count):
             pivot -= work.schur[count, j] ** 2
         if pivot <= DEPENDENT * whole:
@@ -115,7 +97,7 @@ def _hold(plant: Plant, mode: IntArray, work: Workspace, ddq: FloatArray) -> Non
         work.independent[count] = c
         count += 1
     for k in range(count):
-        total = slip(plant.first, plant.second, plant.direction, work.independent[k], ddq)
+        total = slip(plant.contacts, work.independent[k], ddq)
         for j in range(k):
             total -= work.schur[k, j] * work.holding[work.independent[j]]
         work.holding[work.independent[k]] = total / work.schur[k, k]
@@ -140,14 +122,13 @@ def _share(plant: Plant, mode: IntArray, holding: FloatArray) -> None:
     The three holding torques are then not determined by the motion; the coupling takes the least
     that keeps the joints within their levels.
     """
+    level = plant.level
     for c in range(plant.offset.shape[0], mode.shape[0]):
-        a, b = plant.first[c], plant.second[c]
-        level = plant.level
+        a, b, sign = plant.contacts.first[c], plant.contacts.second[c], plant.contacts.direction[c]
         if level[c] <= 0.0 or mode[c] != 0 or level[a] <= 0.0 or level[b] <= 0.0:
             continue
         if mode[a] != 0 or mode[b] != 0:
             continue
-        sign = plant.direction[c]
         low = max(holding[a] - level[a], sign * holding[b] - level[b])
         high = min(holding[a] + level[a], sign * holding[b] + level[b])
         share = 0.5 * (low + high) if low > high else min(max(0.0, low), high)
@@ -159,7 +140,7 @@ def _share(plant: Plant, mode: IntArray, holding: FloatArray) -> None:
 
 @kernel
 def accelerate(
-    plant: Plant, resting: NDArray[np.bool_], mode: IntArray, work: Workspace, ddq: FloatArray
+    plant: Plant, resting: BoolArray, mode: IntArray, work: Workspace, ddq: FloatArray
 ) -> None:
     """Accelerations with dry friction; decides which resting contacts stay stuck.
 
@@ -176,18 +157,9 @@ def accelerate(
         for i in range(n):
             ddq[i] = work.load[i]
         for c in range(contacts):
-            if plant.level[c] > 0.0:
-                if mode[c] != 0:
-                    push(
-                        plant.first,
-                        plant.second,
-                        plant.direction,
-                        c,
-                        -mode[c] * plant.level[c],
-                        ddq,
-                    )
-                else:
-                    stuck = True
+            if plant.level[c] > 0.0 and mode[c] != 0:
+                push(plant.contacts, c, -mode[c] * plant.level[c], ddq)
+            stuck = stuck or (plant.level[c] > 0.0 and mode[c] == 0)
         solve(work.factor, ddq)
         if stuck:
             _hold(plant, mode, work, ddq)
@@ -199,7 +171,7 @@ def accelerate(
                 over = abs(work.holding[c]) / plant.level[c] - 1.0
                 candidate = 1 if work.holding[c] > 0.0 else -1
             else:
-                back = -mode[c] * slip(plant.first, plant.second, plant.direction, c, ddq)
+                back = -mode[c] * slip(plant.contacts, c, ddq)
                 over, candidate = (0.0, 0) if back <= 0.0 else (1e-6, 0)
             if over > max(excess, 1e-12):
                 worst, change, excess = c, candidate, over

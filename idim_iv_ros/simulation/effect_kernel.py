@@ -12,24 +12,21 @@ joint sticks and breaks away as under Coulomb friction; stiff terms enter the st
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.compilation import dispatcher, kernel
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load, Torque
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
 from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.plant import Plant
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Dry friction of a joint whose effects leave none at this instant, N m: it can still stick.
 LEAST_LEVEL = 1e-9
 
 _torque = dispatcher({kind: law.torque for kind, law in enumerate(TORQUE_LAWS)}, "p, at, state")
 _STATEFUL = {kind: law for kind, law in enumerate(TORQUE_LAWS) if law.advance is not None}
-_advance = dispatcher(
-    {kind: law.advance for kind, law in _STATEFUL.items() if law.advance is not None},
-    "p, state, dq, ddq, step",
-)
+_moves = {kind: law.advance for kind, law in _STATEFUL.items() if law.advance is not None}
+_advance = dispatcher(_moves, "p, state, dq, ddq, step")
 _turns = dispatcher({kind: law.turns for kind, law in _STATEFUL.items()}, "p, state, dq, ddq, step")
 _curve = dispatcher({kind: law.curve for kind, law in enumerate(DRIVE_LAWS)}, "p, command")
 _error = dispatcher({kind: law.error for kind, law in enumerate(ENCODER_LAWS)}, "p, q")
@@ -38,11 +35,9 @@ _error = dispatcher({kind: law.error for kind, law in enumerate(ENCODER_LAWS)}, 
 class Rows(NamedTuple):
     """Contributions with compiled laws: t torques first, then drive curves, then encoder errors."""
 
-    # kind, joint, value: (rows,), (rows,), (rows, most values): of each its law, its joint in tree
-    # order (of a coupling its contact), the law's values
-    kind: IntArray
-    joint: IntArray
-    value: FloatArray
+    kind: IntArray  # (rows,): law
+    joint: IntArray  # (rows,): in tree order; of a coupling its contact
+    value: FloatArray  # (rows, most values): of the law
     load: IntArray  # (rows,): what a torque takes as the load (`contribution.Load`)
     state: FloatArray  # (t, STATES)
     stateful: IntArray  # (torques with a state,): their rows
@@ -57,23 +52,20 @@ class Effects(NamedTuple):
     level: FloatArray
     damping: FloatArray  # (N, N): viscous friction without effects
     model_level: FloatArray  # (n_contacts,): dry friction of the model, all of it
-    dry: NDArray[np.bool_]  # (n_contacts,): joints and couplings with dry friction at any time
-    dissipative: NDArray[np.bool_]  # (n,): joints whose friction is kept from driving
+    dry: BoolArray  # (n_contacts,): joints and couplings with dry friction at any time
+    dissipative: BoolArray  # (n,): joints whose friction is kept from driving
     start_time: float  # s since the start of the session
-    link: IntArray  # (n,): coordinate of each link
+    link: IntArray  # (n,): coordinates of the links
     shaft_joint: IntArray  # (N - n,)
-    shaft: FloatArray  # (N - n, 3): gap, stiffness and damping of each
-    # force, stiffness, link_q, link_speed, rest, load, static, inertial, rigid_mass, measured:
-    # Written by compiled code. load, static, inertial (n,): torque of the links, the same without
-    # accelerations, and of the drives' inertia.
-    force: FloatArray
+    shaft: FloatArray  # (N - n, 3): gap, stiffness and damping
+    force: FloatArray  # (N,): written by compiled code, as all that follow
     stiffness: FloatArray
-    link_q: FloatArray
+    link_q: FloatArray  # (n,), as the next five
     link_speed: FloatArray
     rest: FloatArray
-    load: FloatArray
-    static: FloatArray
-    inertial: FloatArray
+    load: FloatArray  # torque of the links
+    static: FloatArray  # the same without accelerations
+    inertial: FloatArray  # torque of the drives' inertia
     rigid_mass: FloatArray
     measured: FloatArray
 
@@ -111,7 +103,7 @@ def advance_states(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> 
 
 @kernel
 def states_turn(rows: Rows, dq: FloatArray, ddq: FloatArray, step: float) -> bool:
-    """Whether a state turns into another regime within this step, which is then set.
+    """Whether a state turns within this step into another regime, which is then set.
 
     The step is to be computed anew.
     """
@@ -151,7 +143,7 @@ def effect_torques(
     rows, n = effects.rows, effects.link.shape[0]
     for t in range(rows.state.shape[0]):
         c = rows.joint[t]
-        w = slip(plant.first, plant.second, plant.direction, c, speed)
+        w = slip(plant.contacts, c, speed)
         if effects.dry[c] and (mode[c] != 0 or c >= n):
             sign = float(mode[c])
         elif effects.dry[c]:
@@ -174,15 +166,15 @@ def effect_torques(
             effects.force[c] += torque.force
             effects.stiffness[c, c] += torque.stiffness
         else:
-            a, b, direction = plant.first[c], plant.second[c], plant.direction[c]
+            a, b = plant.contacts.first[c], plant.contacts.second[c]
             plant.damping[a, a] += torque.damping
             plant.damping[b, b] += torque.damping
-            plant.damping[a, b] += direction * torque.damping
-            plant.damping[b, a] += direction * torque.damping
+            plant.damping[a, b] += plant.contacts.direction[c] * torque.damping
+            plant.damping[b, a] += plant.contacts.direction[c] * torque.damping
     for c in range(effects.level.shape[0]):
         if effects.dry[c]:
             plant.level[c] = max(plant.level[c], LEAST_LEVEL)
-    for i in range(effects.link.shape[0]):
+    for i in range(n):
         if effects.dissipative[i]:
             bound = -max(plant.level[i], 0.0) / max(abs(speed[i]), LEAST_SPEED)
             plant.damping[i, i] = max(plant.damping[i, i], bound)
@@ -210,10 +202,10 @@ def _drive_torque(
     for c in range(speed.shape[0], mode.shape[0]):
         level = effects.model_level[c]
         friction = mode[c] * level if mode[c] != 0 else min(max(holding[c], -level), level)
-        if plant.first[c] == joint:
+        if plant.contacts.first[c] == joint:
             total += friction
-        elif plant.second[c] == joint:
-            total += plant.direction[c] * friction
+        elif plant.contacts.second[c] == joint:
+            total += plant.contacts.direction[c] * friction
     return total
 
 
@@ -228,10 +220,10 @@ def _twist(plant: Plant, effects: Effects, k: int, q: FloatArray, dq: FloatArray
         twist -= side * half
         if side * twist <= 0.0 or side * (stiffness * twist + damping * rate) <= 0.0:
             return
-    torque = stiffness * twist
-    effects.force[motor] += torque
-    effects.force[link] -= torque
-    for row, column, sign in ((motor, motor, 1.0), (link, link, 1.0), (motor, link, -1.0),
-                              (link, motor, -1.0)):  # fmt: skip
-        effects.stiffness[row, column] += sign * stiffness
-        plant.damping[row, column] += sign * damping
+    effects.force[motor] += stiffness * twist
+    effects.force[link] -= stiffness * twist
+    for row in (motor, link):
+        for column in (motor, link):
+            sign = 1.0 if row == column else -1.0
+            effects.stiffness[row, column] += sign * stiffness
+            plant.damping[row, column] += sign * damping

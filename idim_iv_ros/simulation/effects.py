@@ -1,4 +1,4 @@
-"""Effects that a robot has and its model leaves out, as values: names, parameters, checks.
+"""Effects that a robot has and its model leaves out, as values: names, parameters, contributions.
 
 Each adds a torque that the motor of one joint must overcome, moves what the encoder shows, or
 changes the torque that acts for a command; equations in docs/simulation.md. What an effect has and
@@ -7,14 +7,18 @@ does is in its file of `effects/`.
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from idim_iv_ros.documents import Unsaved
 from idim_iv_ros.effects.cause import Cause, GivenNumbers
-from idim_iv_ros.effects.contribution import Contribution
+from idim_iv_ros.effects.contribution import Contribution, CouplingTerm, DriveCurve
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.types import FloatArray
+
+_Kind = TypeVar("_Kind", bound=Contribution)
 
 
 @dataclass(frozen=True)
@@ -33,32 +37,39 @@ class SimulatedEffect:
 
 
 @dataclass(frozen=True)
-class JointEffect:
-    """A checked effect at the joint of this index, every parameter present.
+class JointContributions:
+    """What effects add to a robot: contributions with their joints (the second one, or -1)."""
 
-    `other_joint` is that of the second joint of a coupling, -1 for others.
-    """
+    items: tuple[tuple[int, int, Contribution], ...]
+    joints: frozenset[int]  # That have an effect, also one whose numbers add nothing
 
-    cause: Cause
-    joint: int
-    other_joint: int
-    value: dict[str, float]
-    terms: tuple[dict[str, float], ...]
+    def of(self, kind: type[_Kind]) -> Iterator[tuple[int, _Kind]]:
+        """Pairs of a joint and its contribution, of all contributions of a kind."""
+        return ((joint, part) for joint, _, part in self.items if isinstance(part, kind))
 
-    def contributions(self, coulomb: float) -> tuple[Contribution, ...]:
-        """What it adds to its joint, whose Coulomb friction is given in N m (N)."""
-        return tuple(self.cause.contributions(GivenNumbers(self.value, self.terms, coulomb)))
+    @property
+    def curves(self) -> list[tuple[int, DriveCurve]]:
+        """Changes of commands in the order in which they act, with their joints."""
+        return sorted(self.of(DriveCurve), key=lambda item: item[1].law.rank)
+
+    @property
+    def couplings(self) -> list[tuple[int, int, CouplingTerm]]:
+        """Couplings with the two joints between which they act."""
+        return [(a, b, part) for a, b, part in self.items if isinstance(part, CouplingTerm)]
 
 
-def joint_effects(
-    effects: Sequence[SimulatedEffect], joints: Sequence[str]
-) -> tuple[JointEffect, ...]:
-    """Check effects and complete their parameters; those in the base parameters drop out.
+def contributions_of(
+    effects: Sequence[SimulatedEffect], joints: Sequence[str], coulomb: FloatArray | None = None
+) -> JointContributions:
+    """Check effects and return what they add to joints; those in the base parameters add nothing.
+
+    - `coulomb`: (n_joints,) Coulomb friction, N m (N); None: zero
 
     Raises UsageError: an effect, joint or parameter that is not known, missing, or out of its
     range.
     """
-    complete = []
+    items: list[tuple[int, int, Contribution]] = []
+    affected: set[int] = set()
     for one in effects:
         name = f"{one.source}: {one.effect}" if one.source else one.effect
         cause = BY_NAME.get(one.effect)
@@ -67,31 +78,31 @@ def joint_effects(
             raise UsageError(f"{name} is not an effect that can be simulated; they are {names}")
         if cause.in_base_parameters:
             continue
-        places = _places(one, cause, name, list(joints))
+        at_all = one.joint is None and cause.everywhere
+        if one.joint is None and not at_all:
+            raise UsageError(f"{name}: joint is missing")
+        if one.joint is not None and one.joint not in joints:
+            raise UsageError(f"{name}: no joint {one.joint}; they are {', '.join(joints)}")
+        places = [k for k, joint in enumerate(joints) if at_all or joint == one.joint]
         other = -1
         if cause.joints_needed > 1:
             second = one.other_joint
             if second is None or second not in joints or second == one.joint:
                 raise UsageError(f"{name}: other_joint {second} is not another joint of the robot")
             other = list(joints).index(second)
+            affected.add(other)
+        affected.update(places)
         value, terms = _completed(one.parameters, cause, name)
-        complete += [JointEffect(cause, place, other, value, terms) for place in places]
-    return tuple(complete)
-
-
-def _places(one: SimulatedEffect, cause: Cause, name: str, joints: list[str]) -> list[int]:
-    if one.joint is None and cause.everywhere:
-        return list(range(len(joints)))
-    if one.joint is None:
-        raise UsageError(f"{name}: joint is missing")
-    if one.joint not in joints:
-        raise UsageError(f"{name}: no joint {one.joint}; they are {', '.join(joints)}")
-    return [joints.index(one.joint)]
+        for place in places:
+            friction = 0.0 if coulomb is None else float(coulomb[place])
+            parts = cause.contributions(GivenNumbers(value, terms, friction))
+            items += [(place, other, part) for part in parts]
+    return JointContributions(tuple(items), frozenset(affected))
 
 
 def _completed(
     given: Mapping[str, float], cause: Cause, name: str
-) -> tuple[dict[str, float], tuple[dict[str, float], ...]]:
+) -> tuple[dict[str, float], list[dict[str, float]]]:
     """Parameters by name, and those of each term that is numbered."""
     value: dict[str, float] = {}
     numbered: dict[int, dict[str, float]] = {}
@@ -114,4 +125,4 @@ def _completed(
     reason = cause.refused(value)
     if reason:
         raise UsageError(f"{name}: {reason}")
-    return value, tuple(numbered.values())
+    return value, list(numbered.values())

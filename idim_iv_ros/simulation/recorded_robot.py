@@ -8,8 +8,7 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.effects.control_law import ControlLaw
-from idim_iv_ros.model.parameters import DynamicParameters
-from idim_iv_ros.model.robot import RobotModel
+from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.simulation.closed_loop import PLANT_STEP, ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.effects import SimulatedEffect
 from idim_iv_ros.types import FloatArray
@@ -30,9 +29,8 @@ class SimulatedRecording:
     # A command held from a stamp to the next, taken as the torque *at* the stamp, would lead the
     # motion by half a period.
     effort: FloatArray
-    # position_reference, velocity_reference: rad, rad/s
-    position_reference: FloatArray
-    velocity_reference: FloatArray | None
+    position_reference: FloatArray  # rad (m)
+    velocity_reference: FloatArray | None  # rad/s (m/s)
     truth: ClosedLoopResult  # At the instants of the control, `control_ratio` for each sample
     control_ratio: int
 
@@ -82,13 +80,12 @@ def record_simulated_robot(
     if ratio < 1 or abs(ratio * period * rate - 1.0) > 1e-9:
         raise ValueError(f"a control period of {period:g} s does not divide 1/{rate:g} s")
     fine_position = _refined(position_reference, ratio)
-    fine_velocity = None if velocity_reference is None else _refined(velocity_reference, ratio)
-    fine_law = law
-    if law.feedforward is not None and ratio > 1:
-        fine_law = replace(law, feedforward=_refined(law.feedforward, ratio))
-    start_velocity = np.zeros(position_reference.shape[1])
+    fine_velocity, start_velocity = None, np.zeros(position_reference.shape[1])
     if velocity_reference is not None:
+        fine_velocity = _refined(velocity_reference, ratio)
         start_velocity = velocity_reference[0]
+    if law.feedforward is not None and ratio > 1:
+        law = replace(law, feedforward=_refined(law.feedforward, ratio))
     steps = max(plant_oversampling, math.ceil(period / PLANT_STEP - 1e-6))
     drift = None
     if np.any(np.asarray(disturbance) > 0.0):
@@ -98,7 +95,7 @@ def record_simulated_robot(
     truth = simulate_closed_loop(
         robot,
         parameters,
-        fine_law,
+        law,
         rate=rate * ratio,
         position_reference=fine_position,
         velocity_reference=fine_velocity,
@@ -116,7 +113,11 @@ def record_simulated_robot(
     step = np.broadcast_to(np.asarray(encoder_resolution, dtype=float), position.shape)
     coarse = step > 0.0
     position[coarse] = np.round(position[coarse] / step[coarse]) * step[coarse]
-    effort = _centred_mean(truth.torque, ratio)[:samples]
+    # Mean of a command over the period about every sample: it acts from its control instant to the
+    # next, and the first one before it, too. Half a period is ratio/2 control periods.
+    weights = np.ones(ratio) if ratio % 2 == 0 else np.r_[0.5, np.ones(ratio - 1), 0.5]
+    mean = scipy.ndimage.correlate1d(truth.torque, weights / ratio, axis=0, mode="nearest")
+    effort = mean[::ratio][:samples]
     effort = effort + rng.normal(size=effort.shape) * torque_noise
     jitter = np.random.default_rng([seed, _JITTER]).normal(size=samples) * stamp_jitter
     return SimulatedRecording(
@@ -146,15 +147,3 @@ def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
     gain = math.sqrt(1.0 - pole**2)
     filtered, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
     return np.asarray(filtered)
-
-
-def _centred_mean(command: FloatArray, ratio: int) -> FloatArray:
-    """Mean of a command, constant between instants, over the period about every sample.
-
-    `command[i]` acts from control instant i to the next, and the first one before it, too. Half a
-    period is ratio/2 control periods on either side.
-    """
-    even = ratio % 2 == 0
-    weights = np.ones(ratio) if even else np.concatenate([[0.5], np.ones(ratio - 1), [0.5]])
-    mean = scipy.ndimage.correlate1d(command, weights / ratio, axis=0, mode="nearest")
-    return np.asarray(mean[::ratio])

@@ -56,11 +56,12 @@ def filter_reference(
         columns = _columns(signals, _discrete(pole, rate), every)[:, kept]
         weights = np.zeros(1 + ORDER * len(signals))
         weights[kept] = _solve(columns.T @ columns, columns.T @ some[:, joint])
-        explained[:, joint] = _filtered(signals, _discrete(pole, rate), weights)
-    simulated = position_reference - explained
+        explained[:, joint] = weights[0]
+        for signal, of_signal in zip(signals, weights[1:].reshape(-1, ORDER), strict=True):
+            if np.any(of_signal != 0.0):
+                explained[:, joint] += _laguerre(signal, _discrete(pole, rate)) @ of_signal
     missed = np.sqrt(energy / max(len(some) - split, 1))
-    spread = np.std(position[::every][split:], axis=0)
-    return simulated, missed, spread
+    return position_reference - explained, missed, np.std(position[::every][split:], axis=0)
 
 
 def _discrete(pole: float, rate: float) -> float:
@@ -90,16 +91,6 @@ def _columns(signals: FloatArray, pole: float, every: int) -> FloatArray:
     columns = [np.ones((len(signals[0, ::every]), 1))]
     columns += [_laguerre(signal, pole)[::every] for signal in signals]
     return np.hstack(columns)
-
-
-def _filtered(signals: FloatArray, pole: float, weights: FloatArray) -> FloatArray:
-    """Weighted sum (n_samples,) of the columns, one signal at a time."""
-    total = np.full(signals.shape[1], weights[0])
-    for k, signal in enumerate(signals):
-        of_signal = weights[1 + ORDER * k : 1 + ORDER * (k + 1)]
-        if np.any(of_signal != 0.0):
-            total += _laguerre(signal, pole) @ of_signal
-    return total
 
 
 def _solve(gram: FloatArray, moments: FloatArray) -> FloatArray:

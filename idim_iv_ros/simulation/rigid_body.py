@@ -20,16 +20,15 @@ from typing import Any
 import numpy as np
 
 from idim_iv_ros.compilation import entry, kernel, source_digest
-from idim_iv_ros.model import link_motion
+from idim_iv_ros.model import DynamicParameters, RobotModel, link_motion
 from idim_iv_ros.model.link_motion import move_links, place_links, turn
-from idim_iv_ros.model.parameters import DynamicParameters
-from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.simulation import dry_friction
 from idim_iv_ros.simulation.dry_friction import push, slip
 from idim_iv_ros.simulation.plant import Plant, Workspace, plant, workspace
 from idim_iv_ros.types import FloatArray
 
 _INERTIA_STATES = 50  # at least, where there are as many: inertias change slowly
+Wrench = tuple[float, float, float, float, float, float]  # Force, then torque
 
 
 @kernel
@@ -62,7 +61,7 @@ def newton_euler(
         torque[i - 1] = f[5] if plant.frames.revolute[i] else f[2]
         if u > 0:
             rot, p = work.motion.rotation[i], work.motion.translation[i]
-            carried = _carried(rot, p, f[0], f[1], f[2], f[3], f[4], f[5])
+            carried = _carried(rot, p, (f[0], f[1], f[2], f[3], f[4], f[5]))
             for k in range(6):
                 work.wrench[u, k] += carried[k]
 
@@ -78,19 +77,10 @@ def _spun(link: FloatArray, x: float, y: float, z: float) -> tuple[float, float,
 
 
 @kernel
-def _carried(
-    rot: FloatArray,
-    p: FloatArray,
-    f0: float,
-    f1: float,
-    f2: float,
-    t0: float,
-    t1: float,
-    t2: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Force f and torque t of a link in the frame of its parent."""
-    e0, e1, e2 = turn(rot, f0, f1, f2)
-    s0, s1, s2 = turn(rot, t0, t1, t2)
+def _carried(rot: FloatArray, p: FloatArray, wrench: Wrench) -> Wrench:
+    """Wrench of a link in the frame of its parent."""
+    e0, e1, e2 = turn(rot, wrench[0], wrench[1], wrench[2])
+    s0, s1, s2 = turn(rot, wrench[3], wrench[4], wrench[5])
     s0, s1, s2 = s0 + p[1] * e2 - p[2] * e1, s1 + p[2] * e0 - p[0] * e2, s2 + p[0] * e1 - p[1] * e0
     return e0, e1, e2, s0, s1, s2
 
@@ -108,19 +98,18 @@ def composite_rigid_body(plant: Plant, work: Workspace, mass: FloatArray) -> Non
     for i in range(n, 0, -1):
         c, u = work.composite[i], plant.frames.parent[i]
         if plant.frames.revolute[i]:
-            f0, f1, f2, t0, t1, t2 = -c[2], c[1], 0.0, c[7], c[8], c[9]
-            mass[i - 1, i - 1] = t2
+            wrench = (-c[2], c[1], 0.0, c[7], c[8], c[9])
         else:
-            f0, f1, f2, t0, t1, t2 = 0.0, 0.0, c[0], c[2], -c[1], 0.0
-            mass[i - 1, i - 1] = f2
+            wrench = (0.0, 0.0, c[0], c[2], -c[1], 0.0)
         j = i
-        while plant.frames.parent[j] > 0:
-            rot, p = work.motion.rotation[j], work.motion.translation[j]
-            f0, f1, f2, t0, t1, t2 = _carried(rot, p, f0, f1, f2, t0, t1, t2)
-            j = plant.frames.parent[j]
-            entry = t2 if plant.frames.revolute[j] else f2
+        while True:
+            entry = wrench[5] if plant.frames.revolute[j] else wrench[2]
             mass[i - 1, j - 1] = entry
             mass[j - 1, i - 1] = entry
+            if plant.frames.parent[j] == 0:
+                break
+            wrench = _carried(work.motion.rotation[j], work.motion.translation[j], wrench)
+            j = plant.frames.parent[j]
         if u > 0:
             _join(work.motion.rotation[i], work.motion.translation[i], c, work.composite[u])
 
@@ -171,9 +160,8 @@ def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
                     total += plant.drive_inertia[i, j] * ddq[k, j] + plant.damping[i, j] * dq[k, j]
                 torque[k, i] += total
             for c in range(plant.level.shape[0]):
-                speed = slip(plant.first, plant.second, plant.direction, c, dq[k])
-                friction = plant.level[c] * np.sign(speed)
-                push(plant.first, plant.second, plant.direction, c, friction, torque[k])
+                friction = plant.level[c] * np.sign(slip(plant.contacts, c, dq[k]))
+                push(plant.contacts, c, friction, torque[k])
 
     @entry
     def masses(plant: Plant, q: FloatArray, work: Workspace, mass: FloatArray) -> None:
@@ -194,14 +182,10 @@ _torques, _masses = _entries(source_digest(link_motion, dry_friction))
 def inverse_dynamics(
     robot: RobotModel, parameters: DynamicParameters, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> FloatArray:
-    """Torques that a motion needs: IDM(q, dq, ddq) β (paper, equation 3).
+    """Torques (n_samples, n_joints) N m (N) of a motion: IDM(q, dq, ddq) β (paper, equation 3).
 
-    Exactly the linear model: sign(0) = 0, and negative friction is taken as it is.
-
-    - `robot`, `parameters`: kinematics, and dynamic parameters that need not be physical
-    - `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, … for prismatic joints)
-
-    Returns (n_samples, n_joints) N m (N).
+    Exactly the linear model of parameters that need not be physical: sign(0) = 0, and negative
+    friction is taken as it is. `q`, `dq`, `ddq`: (n_samples, n_joints) rad, rad/s, rad/s² (m, …).
     """
     order = robot.order
     dynamics = plant(robot, parameters, dissipative=False)

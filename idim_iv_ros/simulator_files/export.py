@@ -5,7 +5,7 @@ Fields of Isaac Lab are those documented for 2.3 and 3.0 (`ActuatorBaseCfg`,
 `viscous_friction` a coefficient.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,17 +18,69 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import EFFECTS, FilePath, made_folder, write_together
 from idim_iv_ros.model import kinematics_digest, load_robot
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
-from idim_iv_ros.model.urdf_reader import decoded_urdf, description_key
+from idim_iv_ros.model.urdf import decoded_urdf, description_key
 from idim_iv_ros.physical import StandardValue
+from idim_iv_ros.physical.pseudo_inertia import LEAST_OF_NOMINAL
+from idim_iv_ros.physical.remainder import lower_root
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulator_files.answer import read_answer
 from idim_iv_ros.simulator_files.kept_files import with_mjcf_values, with_values
 from idim_iv_ros.simulator_files.mjcf import mjcf_text, native_effects, number_text
 from idim_iv_ros.simulator_files.named import kind_of
-from idim_iv_ros.simulator_files.randomization import RANDOMIZE, Ranges, randomization
-from idim_iv_ros.simulator_files.robot import ExportedRobot
+from idim_iv_ros.simulator_files.robot import ExportedRobot, read_answer
 from idim_iv_ros.simulators.effects_file import EffectsFile
-from idim_iv_ros.types import BoolArray
+
+RANDOMIZE = "randomize.py"
+_NORMAL = 1.96
+_FIELDS = {"Ia": "dof_armature", "Fv": "dof_damping", "Fc": "dof_frictionloss"}
+
+
+def randomization(
+    exported: ExportedRobot, model: str
+) -> tuple[dict[str, object], dict[str, object]]:
+    """Return the variables of the template of `sample(model, rng)`, and the ranges in changes.md.
+
+    The exported parameters include what no cause explains; `model` is the name of their MJCF. The
+    ranges are the usual errors of undetermined parameters, and a row for every body.
+    """
+    remainder = exported.model.remainder
+    assert remainder is not None
+    uncertainty = remainder.uncertainty
+    carried = [("joint", name, body) for name, body in exported.bodies.items()]
+    mounted = [("load", link, load.parameters) for link, (_, load) in exported.mounted.items()]
+    # Intervals of joint numbers by joint and MuJoCo's field, and their rows in the root.
+    drives: dict[str, dict[str, str]] = {}
+    drive_rows, coordinates = [], uncertainty.coordinates
+    for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
+        name = exported.model.parameters[place].name
+        if (kind := kind_of(name)) in _FIELDS:
+            joint = exported.robot.joints[int(name[len(kind) :]) - 1]
+            half = _NORMAL * float(np.linalg.norm(uncertainty.root[row]))
+            interval = f"{exported.model.values[name]:.4g} ± {half:.2g}"
+            drives.setdefault(joint, {})[_FIELDS[kind]] = interval
+            drive_rows.append(row)
+    bodies, lines = [], []
+    for number, (kind, name, body) in enumerate([*carried, *mounted]):
+        rows = slice(10 * number, 10 * number + 10)
+        reference = uncertainty.coordinates.links[number]
+        spread = reference.to_parameters @ uncertainty.root[rows]
+        mass, centre = float(body[9]), body[6:9] / body[9]
+        moved = np.linalg.norm((spread[6:9] - np.outer(centre, spread[9])) / mass, axis=1)
+        shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in moved)
+        half = _NORMAL * float(np.linalg.norm(spread[9]))
+        of_joint = drives.get(name, {}) if kind == "joint" else {}
+        cells = (of_joint.get(field, "–") for field in _FIELDS.values())
+        lines.append((name, f"{mass:.4g} ± {half:.2g}", f"± {shift}", *cells))
+        bodies.append((kind, name, reference.factor))
+    shown = {
+        "model": model,
+        "origin": exported.origin,
+        "bodies": bodies,
+        "joints": [(field, joint) for joint, fields in drives.items() for field in fields],
+        "least": LEAST_OF_NOMINAL,
+        "root": lower_root(uncertainty.root[[*range(10 * len(bodies)), *drive_rows]]),
+    }
+    return shown, {"link": uncertainty.link, "drive": uncertainty.drive, "rows": lines}
+
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
 _TEMPLATES = Environment(
@@ -49,30 +101,17 @@ _ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "consta
 
 @dataclass(frozen=True)
 class Exported:
-    """Paths of the files written by an export, and notes for the user.
+    """Paths of the files written by an export, and notes for the user."""
 
-    Attributes
-    ----------
-    urdf, mjcf, effects, isaac_lab, changes : Path
-        Where the nominal model is an MJCF, `urdf` and `isaac_lab` are None.
-    ranges : Path or None
-        Module that samples randomized MuJoCo models, if requested.
-    not_native : tuple of str
-        Effects that MuJoCo has no element for.
-    notes : tuple of str
-    bags : tuple of str
-        Names of the recordings that the result is from.
-    """
-
-    urdf: Path | None
+    urdf: Path | None  # None where the nominal model is an MJCF, as `isaac_lab`
     mjcf: Path
     effects: Path
     isaac_lab: Path | None
     changes: Path
-    ranges: Path | None
-    not_native: tuple[str, ...]
+    ranges: Path | None  # Module that samples randomized MuJoCo models, if requested
+    not_native: tuple[str, ...]  # Effects that MuJoCo has no element for
     notes: tuple[str, ...]
-    bags: tuple[str, ...]
+    bags: tuple[str, ...]  # Names of the recordings that the result is from
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -100,30 +139,18 @@ def export(
     All files are written or none; none replaces a file that was read. An MJCF as nominal model is
     copied with other values in it.
 
-    Parameters
-    ----------
-    result
-        A result.json or gap.json.
-    configuration
-        Configuration of the robot, with the URDF or MJCF that the result was made with.
-    out
-        Folder; created if it does not exist.
-    force
-        Replace files there that an export did not write.
-    refit
-        Use the physical parameters of a diagnosis, which include what no cause explains.
-    without
-        Causes that are left out: names of effects, or ``effect@joint``.
-    remainder
-        Spread the parameter error that no cause explains over links and joints.
-    randomize
-        As `remainder`; also write a module that samples robots consistent with the recording.
+    - `result`: a result.json or gap.json
+    - `configuration`: of the robot, with the URDF or MJCF that the result was made with
+    - `out`: folder; created if it does not exist
+    - `force`: replace files there that an export did not write
+    - `refit`: use the physical parameters of a diagnosis, which include what no cause explains
+    - `without`: causes that are left out: names of effects, or ``effect@joint``
+    - `remainder`: spread the parameter error that no cause explains over links and joints
+    - `randomize`: as `remainder`; also write a module that samples robots consistent with the
+      recording
 
-    Raises
-    ------
-    UsageError
-        The result is not of this robot and URDF, holds an effect that this version does not know,
-        or not the cause that is left out; the files cannot be written.
+    Raises UsageError: the result is not of this robot and URDF, holds an effect that this version
+    does not know, or not the cause that is left out; the files cannot be written.
     """
     path, out = Path(result), Path(out)
     source = configuration.robot.description
@@ -146,13 +173,21 @@ def export(
         notes=(),
         bags=robot.bags,
     )
-    _require_other_files(exported, source, path, configuration, force)
+    before = exported.effects.is_file() and exported.changes.is_file()
+    for file in filter(Path.exists, exported.files):
+        if any(file.samefile(read) for read in (source, path, configuration.source) if read):
+            raise UsageError(f"{file}: was read for this export; give another --out")
+        if not force and not before:
+            raise UsageError(
+                f"{file}: exists, and is not of an earlier export; give another --out, or --force "
+                "to replace it"
+            )
     texts, effects, more = (_export_mjcf if of_mjcf else _export_urdf)(robot, exported)
     notes = (*robot.notes, *more)
     ranges = None
     if exported.ranges is not None:
         shown, ranges = randomization(robot, exported.mjcf.name)
-        texts[exported.ranges] = _file_text(RANDOMIZE, **shown)
+        texts[exported.ranges] = _TEMPLATES.get_template(f"{RANDOMIZE}.j2").render(shown)
     texts[exported.effects] = EffectsFile(
         base_parameters={} if of_mjcf else robot.coupled_friction,
         effects=effects,
@@ -185,10 +220,7 @@ def _export_urdf(robot: ExportedRobot, exported: Exported) -> _Written:
     assert exported.urdf is not None and exported.isaac_lab is not None
     native, effects = native_effects(robot.effects, robot.robot, robot.law)
     drives = zip(robot.robot.joints, robot.drives.damping, robot.drives.friction, strict=True)
-    dynamics = {
-        name: {"damping": float(damping), "friction": float(friction)}
-        for name, damping, friction in drives
-    }
+    dynamics = {name: {"damping": float(d), "friction": float(f)} for name, d, f in drives}
     written = with_values(robot.content, robot.links[0], dynamics, robot.mounted, str(robot.source))
     _require_read_back(robot, decoded_urdf(written))
     texts: dict[Path, bytes | str] = {
@@ -224,11 +256,6 @@ def _export_mjcf(robot: ExportedRobot, exported: Exported) -> _Written:
     return {exported.mjcf: written}, robot.effects, notes
 
 
-def _file_text(template: str, **shown: object) -> str:
-    """Return the text of a file rendered from its template under ``templates/``."""
-    return _TEMPLATES.get_template(f"{template}.j2").render(shown)
-
-
 def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = False) -> None:
     """Read the new file as this program reads any, and check its parameters."""
     bodies, drives = exported.bodies, exported.drives
@@ -249,31 +276,12 @@ def _require_read_back(exported: ExportedRobot, text: str, *, armature: bool = F
         )
 
 
-def _require_other_files(
-    exported: Exported, source: Path, result: Path, configuration: Configuration, force: bool
-) -> None:
-    """Refuse to overwrite files that were read, or that no export wrote."""
-    read = [source, result, *([configuration.source] if configuration.source else [])]
-    before = exported.effects.is_file() and exported.changes.is_file()
-    for file in filter(Path.exists, exported.files):
-        if any(file.samefile(other) for other in read):
-            raise UsageError(f"{file}: was read for this export; give another --out")
-        if not force and not before:
-            raise UsageError(
-                f"{file}: exists, and is not of an earlier export; give another --out, or --force "
-                "to replace it"
-            )
-
-
 def _comments(robot: ExportedRobot, effects: Sequence[SimulatedEffect]) -> list[str]:
-    """Return comment lines for the top of the new MJCF."""
     law = robot.law
     lines = [f"From {robot.origin} by idim_iv_ros; changes.md says what is new and how sure it is."]
     if law.in_actuators:
-        lines.append(
-            "Actuators are the law: ctrl of JOINT is q_ref"
-            + (", of JOINT_velocity dq_ref." if law.velocity_reference else ".")
-        )
+        speed = ", of JOINT_velocity dq_ref" if law.velocity_reference else ""
+        lines.append(f"Actuators are the law: ctrl of JOINT is q_ref{speed}.")
     else:
         lines.append(f"Actuators are motors, ctrl is the torque of the law: {law.words}.")
     missing = [f"{effect.effect} at {effect.joint}" for effect in effects if not effect.native]
@@ -287,7 +295,7 @@ def _changes(
     effects: Sequence[SimulatedEffect],
     exported: Exported,
     notes: Sequence[str],
-    ranges: Ranges | None,
+    ranges: Mapping[str, object] | None,
 ) -> str:
     """Return the table of changes: new values, their certainty and their origin."""
     joints, remainder = robot.robot.joints, robot.model.remainder
@@ -296,8 +304,7 @@ def _changes(
     local = [("armature", robot.values("Ia"), "kg m²")] if file == "URDF" else []
     if any(robot.values("off")):
         local.append(("torque_offset", robot.values("off"), "N m"))
-    return _file_text(
-        "changes.md",
+    return _TEMPLATES.get_template("changes.md.j2").render(
         robot=robot,
         errors=() if robot.gap is None else robot.gap.parameter_errors,
         files=[path.name for path in exported.files],
@@ -320,7 +327,6 @@ def _changes(
 
 
 def _row(parameter: StandardValue, joints: Sequence[str], file: str) -> tuple[str, ...]:
-    """Return one parameter as a row of changes.md."""
     name, given, value, std = parameter.name, parameter.given, parameter.value, parameter.std
     kind = kind_of(name)
     where = ""
@@ -341,32 +347,7 @@ def _isaac_lab(exported: ExportedRobot, urdf_name: str, effects: Sequence[Simula
     # A delay is that of a group: one for each length.
     steps = [round(float(delay) / law.period) if delayed else 0 for delay in law.delay]
     parts = [(effect, part_of(effect.effect)) for effect in effects]
-    return _file_text(
-        "isaac_lab.py",
-        robot=exported.robot,
-        couplings=exported.drives.couplings,
-        law=law,
-        offsets=dict(zip(exported.robot.joints, exported.drives.offset, strict=True)),
-        origin=exported.origin,
-        urdf=urdf_name,
-        delayed=delayed,
-        groups={delay: _fields(exported, np.equal(steps, delay)) for delay in sorted(set(steps))},
-        effects=[
-            effect
-            for effect, part in parts
-            if part not in ("delay", "offset") and (part != "gains" or law.beyond)
-        ],
-    )
-
-
-def _fields(
-    exported: ExportedRobot, chosen: BoolArray
-) -> tuple[list[str], list[tuple[str, str, dict[str, float]]]]:
-    """Return names of the chosen joints (n,), and the finite fields of their actuator group.
-
-    A field is its name, its unit, and the numbers by joint.
-    """
-    names, values, law = np.array(exported.robot.joints), exported.drives, exported.law
+    names, values = np.array(exported.robot.joints), exported.drives
     gains = [("stiffness", law.kp, "N m/rad"), ("damping", law.kd, "N m s/rad")]
     fields = [
         *(gains if law.configured else []),
@@ -376,10 +357,26 @@ def _fields(
         ("viscous_friction", values.damping, "N m s/rad"),
         ("effort_limit", law.limit, "N m"),
     ]
-    listed = []
-    for field, numbers, unit in fields:
-        there = np.isfinite(numbers) & chosen
-        if there.any():
-            by_joint = zip(names[there].tolist(), numbers[there].tolist(), strict=True)
-            listed.append((field, unit, dict(by_joint)))
-    return names[chosen].tolist(), listed
+    groups = {}
+    for delay in sorted(set(steps)):
+        chosen, listed = np.equal(steps, delay), []
+        for field, numbers, unit in fields:
+            there = np.isfinite(numbers) & chosen
+            by_joint = dict(zip(names[there].tolist(), numbers[there].tolist(), strict=True))
+            listed += [(field, unit, by_joint)] if by_joint else []
+        groups[delay] = (names[chosen].tolist(), listed)
+    return _TEMPLATES.get_template("isaac_lab.py.j2").render(
+        robot=exported.robot,
+        couplings=exported.drives.couplings,
+        law=law,
+        offsets=dict(zip(exported.robot.joints, exported.drives.offset, strict=True)),
+        origin=exported.origin,
+        urdf=urdf_name,
+        delayed=delayed,
+        groups=groups,
+        effects=[
+            effect
+            for effect, part in parts
+            if part not in ("delay", "offset") and (part != "gains" or law.beyond)
+        ],
+    )

@@ -19,8 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.model.mjcf import compiled_mjcf, element
-from idim_iv_ros.model.mjcf_ties import native_elements
+from idim_iv_ros.model.mjcf import compiled_mjcf, element, native_elements
 from idim_iv_ros.model.urdf import UrdfJoint
 from idim_iv_ros.simulator_files.mjcf import (
     comment,
@@ -84,10 +83,13 @@ def set_values(node: Any, values: Mapping[str, str], *, zeros: bool = False) -> 
     With `zeros`, missing attributes are added even if zero.
     """
     for key, text in values.items():
+        new = [float(word) for word in text.split()]
         if node.hasAttribute(key):
-            if not _same_numbers(node.getAttribute(key), text):
+            old = [float(word) for word in node.getAttribute(key).split()]
+            # The same but for rounding stays as it is written.
+            if len(new) != len(old) or not np.allclose(new, old, rtol=1e-12, atol=0.0):
                 node.setAttribute(key, text)
-        elif zeros or any(float(word) for word in text.split()):
+        elif zeros or any(new):
             node.setAttribute(key, text)
 
 
@@ -119,12 +121,6 @@ def insert(parent: Any, *new: Element, first: bool) -> None:
         parent.insertBefore(parent.ownerDocument.importNode(node, True), before)
 
 
-def _same_numbers(before: str, text: str) -> bool:
-    """Return whether two texts have the same numbers except for rounding."""
-    old, new = ([float(word) for word in numbers.split()] for numbers in (before, text))
-    return len(new) == len(old) and np.allclose(new, old, rtol=1e-12, atol=0.0)
-
-
 def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     """Return the user's MJCF with other values and bodies for payloads, and notes.
 
@@ -148,7 +144,21 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
                 "them out (`mj_saveLastXML` does)"
             )
     mujoco, spec, model = compiled_mjcf(path)
-    _require_written_inertials(mujoco, spec, model, str(path))
+    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+    settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
+    # A version of MuJoCo need not have all of them.
+    settings += [name for name in _CHANGES_INERTIALS if getattr(spec.compiler, name, 0) > 0]
+    if settings:
+        raise UsageError(
+            f"{path}: <compiler> has {', '.join(settings)}, so that the <inertial> of a body is "
+            "not what is simulated: write the inertials out without it (`mj_saveLastXML` does)"
+        )
+    effects = [name for name, places in native_elements(mujoco, model).items() if places]
+    if effects:
+        raise UsageError(
+            f"{path}: holds {', '.join(effects)} of an earlier export, which the new effects "
+            "would count twice: export with the MJCF or URDF that was there before"
+        )
     bodies = {body.getAttribute("name"): body for body in document.getElementsByTagName("body")}
     file = _Mjcf(mujoco, model, bodies, str(path))
     for place, name in enumerate(exported.robot.joints):
@@ -156,7 +166,9 @@ def with_mjcf_values(exported: ExportedRobot) -> tuple[bytes, tuple[str, ...]]:
     links, _ = exported.links
     without = [name for name, body in links.items() if not file.set_inertial(name, body)]
     for name, (link, load) in exported.mounted.items():
-        file.add_payload(name, link, load)
+        inertial, pos = element("inertial", **inertial_of(load.body)), file.anchor(link)
+        body = element("body", inertial, name=name, pos=numbers_text(pos))
+        insert(file.body(link), comment(load.words), body, first=True)
     if without:
         notes += (
             f"the inertia of {', '.join(without)} was that of geoms; it has an <inertial> now, so "
@@ -174,25 +186,6 @@ def _body_elements(body: Any, *tags: str) -> Iterator[Any]:
             yield node
 
 
-def _require_written_inertials(mujoco: Any, spec: Any, model: Any, source: str) -> None:
-    """Refuse a file in which MuJoCo does not take the `<inertial>` as written."""
-    always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-    settings = ['inertiafromgeom="true"'] if int(spec.compiler.inertiafromgeom) == always else []
-    # A version of MuJoCo need not have all of them.
-    settings += [name for name in _CHANGES_INERTIALS if getattr(spec.compiler, name, 0) > 0]
-    if settings:
-        raise UsageError(
-            f"{source}: <compiler> has {', '.join(settings)}, so that the <inertial> of a body is "
-            "not what is simulated: write the inertials out without it (`mj_saveLastXML` does)"
-        )
-    effects = [name for name, places in native_elements(mujoco, model).items() if places]
-    if effects:
-        raise UsageError(
-            f"{source}: holds {', '.join(effects)} of an earlier export, which the new effects "
-            "would count twice: export with the MJCF or URDF that was there before"
-        )
-
-
 @dataclass(frozen=True)
 class _Mjcf:
     """An MJCF document with its compiled model and its bodies by name; `source` for messages."""
@@ -204,18 +197,28 @@ class _Mjcf:
 
     def set_joint(self, given: UrdfJoint, values: JointValues, place: int) -> None:
         """Set armature, damping and friction of a joint, less the parts that its actuators have."""
-        joint = self._only_joint(given.child, given.name)
+        for link, body in self.bodies.items():
+            joints = list(_body_elements(body, "joint", "freejoint"))
+            names = [joint.getAttribute("name") for joint in joints]
+            if (given.name in names and len(joints) > 1) or (
+                link == given.child and len(joints) != 1
+            ):
+                raise UsageError(
+                    f"{self.source}: body {link} has {len(joints)} joints, and one <inertial> "
+                    f"cannot hold what each of them carries: give {given.name} a body of its own"
+                )
+        joint = next(_body_elements(self.body(given.child), "joint", "freejoint"))
         dof = int(self.model.jnt_dofadr[int(self.model.body(given.child).jntadr[0])])
-        armature = float(self.model.dof_armature[dof])
-        damping = float(np.ravel(self.model.dof_damping[dof])[0])
-        friction = float(self.model.dof_frictionloss[dof])
         changed = {}
-        # What the compiled joint has less than the nominal model is that of actuators.
-        for key, wanted, now, of_actuators in (
-            ("armature", float(values.armature[place]), armature, given.armature - armature),
-            ("damping", float(values.damping[place]), damping, given.damping - damping),
-            ("frictionloss", float(values.friction[place]), friction, 0.0),
+        for key, all_wanted, nominal in (
+            ("armature", values.armature, given.armature),
+            ("damping", values.damping, given.damping),
+            ("frictionloss", values.friction, None),
         ):
+            wanted = float(all_wanted[place])
+            now = float(np.ravel(getattr(self.model, f"dof_{key}")[dof])[0])
+            # What the compiled joint has less than the nominal model is that of actuators.
+            of_actuators = 0.0 if nominal is None else nominal - now
             value = wanted - of_actuators
             if value < -_ROUNDING * max(1.0, abs(of_actuators)):
                 raise UsageError(
@@ -232,20 +235,7 @@ class _Mjcf:
             changed |= solver
         set_values(joint, changed, zeros=True)
 
-    def _only_joint(self, link: str, name: str) -> Any:
-        """Return the joint element of a body with one joint."""
-        for body_name, body in self.bodies.items():
-            joints = list(_body_elements(body, "joint", "freejoint"))
-            names = [joint.getAttribute("name") for joint in joints]
-            if (name in names and len(joints) > 1) or (body_name == link and len(joints) != 1):
-                raise UsageError(
-                    f"{self.source}: body {body_name} has {len(joints)} joints, and one "
-                    f"<inertial> cannot hold what each of them carries: give {name} a body of its "
-                    "own"
-                )
-        return next(_body_elements(self._body(link), "joint", "freejoint"))
-
-    def _body(self, link: str) -> Any:
+    def body(self, link: str) -> Any:
         if link not in self.bodies:
             raise UsageError(
                 f"{self.source}: {link} is no named <body> of this file: give each body that "
@@ -255,10 +245,10 @@ class _Mjcf:
 
     def set_inertial(self, link: str, new: pin.Inertia) -> bool:
         """Set the inertial of a link; return False if the body had none."""
-        values = inertial_of(new, self._anchor(link))
-        inertial = next(_body_elements(self._body(link), "inertial"), None)
+        values = inertial_of(new, self.anchor(link))
+        inertial = next(_body_elements(self.body(link), "inertial"), None)
         if inertial is None:
-            insert(self._body(link), Element("inertial", values), first=True)
+            insert(self.body(link), Element("inertial", values), first=True)
             return False
         full = values.pop("fullinertia")
         set_values(inertial, values, zeros=True)
@@ -267,26 +257,18 @@ class _Mjcf:
             return True
         w, x, y, z = (float(component) for component in self.model.body(link).iquat)
         moments, quaternion = _principal(new.inertia, pin.Quaternion(w, x, y, z).matrix())
-        set_values(inertial, {"diaginertia": numbers_text(moments)})
-        for turn in _TURNS:
-            if inertial.hasAttribute(turn):
-                inertial.removeAttribute(turn)
-        set_values(inertial, {"quat": numbers_text(quaternion)})
+        for turn in filter(inertial.hasAttribute, _TURNS):
+            inertial.removeAttribute(turn)
+        principal = {"diaginertia": numbers_text(moments), "quat": numbers_text(quaternion)}
+        set_values(inertial, principal)
         return True
 
-    def add_payload(self, name: str, link: str, load: Load) -> None:
-        """Add a payload as a separate body within the one that carries it."""
-        inertial = element("inertial", **inertial_of(load.body))
-        body = element("body", inertial, name=name, pos=numbers_text(self._anchor(link)))
-        insert(self._body(link), comment(load.words), body, first=True)
-
-    def _anchor(self, link: str) -> FloatArray:
+    def anchor(self, link: str) -> FloatArray:
         """Return the vector from a body's frame to its link's, m, as `mjcf_as_urdf` places it."""
         body, types = self.model.body(link), self.mujoco.mjtJoint
-        if body.jntnum[0] == 0:
-            return np.zeros(3)
         last = int(body.jntadr[0] + body.jntnum[0]) - 1
-        if int(self.model.jnt_type[last]) not in (int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE)):
+        moving = (int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE))
+        if body.jntnum[0] == 0 or int(self.model.jnt_type[last]) not in moving:
             return np.zeros(3)
         return np.array(self.model.jnt_pos[last])
 
@@ -346,33 +328,27 @@ def with_values(
     return written_xml(document, content)
 
 
-def _moments(body: pin.Inertia) -> dict[str, str]:
-    """Return the moments of inertia as attributes ixx … izz of a URDF."""
-    values = numbers_text(body.inertia[np.triu_indices(3)])
-    return dict(zip(_MOMENTS, values.split(), strict=True))
-
-
 def _inertial(body: pin.Inertia) -> Element:
+    moments = numbers_text(body.inertia[np.triu_indices(3)]).split()
     return element(
         "inertial",
         element("origin", xyz=numbers_text(body.lever), rpy="0 0 0"),
         element("mass", value=number_text(body.mass)),
-        element("inertia", **_moments(body)),
+        element("inertia", **dict(zip(_MOMENTS, moments, strict=True))),
     )
 
 
 def _set_inertial(link: Any, body: pin.Inertia) -> None:
-    """Set mass, centre and moments of a link."""
-    inertial = next(elements(link, "inertial"), None)
+    new, inertial = _inertial(body), next(elements(link, "inertial"), None)
     if inertial is None:
-        insert(link, _inertial(body), first=True)
+        insert(link, new, first=True)
         return
-    mass, inertia = (next(elements(inertial, tag)) for tag in ("mass", "inertia"))
-    set_values(mass, {"value": number_text(body.mass)})
-    set_values(inertia, _moments(body))
+    centre, *numbers = new
+    for child in numbers:
+        set_values(next(elements(inertial, child.tag)), child.attrib)
     # The moments are written in the axes of the link: whoever turns them by an angle of few digits
     # gets the same.
     origin = next(elements(inertial, "origin"), None)
-    turned = origin is None or any(float(angle) for angle in origin.getAttribute("rpy").split())
-    centre = {"xyz": numbers_text(body.lever)} | ({"rpy": "0 0 0"} if turned else {})
-    set_child(inertial, "origin", centre, first=True)
+    if origin is not None and not any(map(float, origin.getAttribute("rpy").split())):
+        del centre.attrib["rpy"]
+    set_child(inertial, "origin", centre.attrib, first=True)

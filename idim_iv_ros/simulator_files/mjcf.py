@@ -31,9 +31,9 @@ from idim_iv_ros.types import FloatArray
 class NativeEffects:
     """Effects in the elements of a MuJoCo model, beyond friction and drive inertia."""
 
-    # damping, stiffness: Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³; of q, q², q³
+    # Coefficients of ∣v∣v and v³, N m s²/rad², N m s³/rad³
     damping: dict[int, FloatArray] = field(default_factory=dict)
-    stiffness: dict[int, FloatArray] = field(default_factory=dict)
+    stiffness: dict[int, FloatArray] = field(default_factory=dict)  # of q, q², q³
     couplings: list[Coupled] = field(default_factory=list)
     # Names of the joints or tendons that hold an effect, by its name
     listed: dict[str, list[str]] = field(default_factory=dict)
@@ -51,9 +51,9 @@ class NativeEffects:
             if values:
                 numbers[joint] = numbers.get(joint, 0.0) + np.array(values)
         if native.tendon and effect.other_joint is not None:
-            tendon = Coupled(joint, robot.joints.index(effect.other_joint), *native.tendon)
-            self.couplings.append(tendon)
-            name = tendon.name(robot.joints)
+            other = robot.joints.index(effect.other_joint)
+            self.couplings.append(Coupled(joint, other, *native.tendon))
+            name = self.couplings[-1].name(robot.joints)
         self.listed.setdefault(effect.effect, []).append(name)
         return True
 
@@ -71,7 +71,6 @@ def native_effects(
 
 
 def _in_control(effect: SimulatedEffect, law: DriveLaw) -> bool:
-    """Return whether motors or actuators realise an effect; see `law.drive_law`."""
     part = part_of(effect.effect)
     if part == "limit":
         return not effect.parameters.get("slope", 0.0)
@@ -111,7 +110,18 @@ def mjcf_text(exported: ExportedRobot, native: NativeEffects, comments: Sequence
     """
     robot, law = exported.robot, exported.law
     values = _without_tendons(exported.drives, robot)
-    tendons = [_tendon(coupling, robot) for coupling in (*values.couplings, *native.couplings)]
+    tendons = []
+    for coupling in (*values.couplings, *native.couplings):
+        ends = ((coupling.first, 1.0), (coupling.second, coupling.direction))
+        tendon = element(
+            "fixed",
+            *(element("joint", joint=robot.joints[k], coef=_exact(sign)) for k, sign in ends),
+            name=coupling.name(robot.joints),
+            armature=_exact(coupling.inertia),
+            damping=_exact(coupling.damping),
+            frictionloss=_exact(coupling.friction),
+        )
+        tendons.append(tendon)
     root = element(
         "mujoco",
         *map(comment, comments),
@@ -191,7 +201,6 @@ def _world(exported: ExportedRobot, values: JointValues, native: NativeEffects) 
 def _joint(
     exported: ExportedRobot, values: JointValues, native: NativeEffects, joint: int
 ) -> dict[str, str]:
-    """Return the attributes of a joint: axis, drive, friction, range, stiffness."""
     robot, law = exported.robot, exported.law
     axis = np.array(exported.urdf.joints[robot.joints[joint]].axis)
     damping = np.array([values.damping[joint], *native.damping.get(joint, ())])
@@ -229,25 +238,11 @@ def _visual_geom(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, st
     return shape | {"contype": "0", "conaffinity": "0", "group": "2", "mass": "0"}
 
 
-def _tendon(coupling: Coupled, robot: RobotModel) -> Element:
-    """Return the fixed tendon of a coupled drive, or of an effect."""
-    ends = ((coupling.first, 1.0), (coupling.second, coupling.direction))
-    return element(
-        "fixed",
-        *(element("joint", joint=robot.joints[k], coef=_exact(sign)) for k, sign in ends),
-        name=coupling.name(robot.joints),
-        armature=_exact(coupling.inertia),
-        damping=_exact(coupling.damping),
-        frictionloss=_exact(coupling.friction),
-    )
-
-
 def _actuators(law: DriveLaw, joints: Sequence[str]) -> Iterator[Element]:
     """Return the actuators: the control law at each joint, or a motor."""
     for joint, name in enumerate(joints):
-        kp, gain, kd = 0.0, 1.0, 0.0
-        if law.in_actuators:
-            kp, gain, kd = law.kp[joint], law.kp[joint], law.kd[joint]
+        kp, kd = (law.kp[joint], law.kd[joint]) if law.in_actuators else (0.0, 0.0)
+        gain = kp if law.in_actuators else 1.0
         attributes = {"biastype": "affine", "biasprm": _exact(0.0, -kp, -kd)}
         if not law.in_actuators and math.isfinite(law.limit[joint]):
             attributes["ctrlrange"] = _exact(-law.limit[joint], law.limit[joint])
@@ -266,7 +261,6 @@ def _placement(place: pin.SE3) -> dict[str, str]:
 
 
 def _exact(*values: float) -> str:
-    """Return numbers as text with all their digits."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 

@@ -11,7 +11,7 @@ changes of this friction by no other cause belong to the effect.
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -86,23 +86,6 @@ def cause_name(cause: Cause) -> str:
     return f"{cause.effect}@{cause.joint}" if cause.joint else cause.effect
 
 
-def kept_causes(
-    causes: Sequence[Cause], without: Collection[str], source: str
-) -> tuple[list[Cause], list[Cause]]:
-    """Return the causes to keep, and those that `without` leaves out.
-
-    Raises UsageError: a name that is none of them.
-    """
-    for name in without:
-        if not any(name in (cause.effect, cause_name(cause)) for cause in causes):
-            names = ", ".join(cause_name(cause) for cause in causes) or "none"
-            raise UsageError(
-                f"{source}: names no cause {name} that could be left out; its causes: {names}"
-            )
-    kept = [cause for cause in causes if not {cause.effect, cause_name(cause)} & set(without)]
-    return kept, [cause for cause in causes if cause not in kept]
-
-
 def numbers_in_words(parameters: Mapping[str, EffectParameter]) -> str:
     """Return parameters as text, with the half-widths of their 95 % intervals."""
     words = []
@@ -148,22 +131,26 @@ def corrected_model(
                 gravity = np.array([present[f"gravity_{axis}"] for axis in "xyz"])
         elif cause.kind == "parametric":
             changes = _changes(cause, robot.joints, given)
-            mass = changes.get(f"M{_number(cause, robot.joints)}")
-            if part == "load" and mass is not None and mass.value > 0.0:
-                loads.append(_load(cause, changes, len(loads), source))
-            elif any(kind_of(name) in INERTIAL for name in changes):
-                changed |= _link(cause, changes, given, source)
+            by_kind = {kind_of(name): change for name, change in changes.items()}
+            about = f"{source}: {cause_name(cause)}"
+            if part == "load" and "M" in by_kind and by_kind["M"].value > 0.0:
+                loads.append(_load(cause, by_kind, len(loads), about))
+            elif any(kind in INERTIAL for kind in by_kind):
+                number = re.sub(r"\D", "", next(iter(changes)))
+                nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
+                body = _nearest_body(nominal, by_kind, nominal, about)
+                for kind, new in zip(INERTIAL, map(float, body), strict=True):
+                    shown = kind in by_kind and by_kind[kind].value
+                    changed[f"{kind}{number}"] = (new, by_kind[kind].std if shown else None)
             else:
                 for name, change in changes.items():
                     value = given[name] + _round(change)
                     changed[name] = (max(value, 0.0) if name[:3] != "off" else value, change.std)
     # Changes of the refit's friction by causes that are left out are removed with them.
-    others = [
-        _changes(effect, robot.joints, given) for effect in left_out if effect.kind == "parametric"
-    ]
+    parametric = [cause for cause in left_out if cause.kind == "parametric"]
+    others = [_changes(cause, robot.joints, given) for cause in parametric]
     for cause in causes:
-        joints = [joint for joint in (cause.joint, cause.other_joint) if joint]
-        places = [robot.joints.index(joint) + 1 for joint in joints]
+        places = [robot.joints.index(j) + 1 for j in (cause.joint, cause.other_joint) if j]
         for name in (f"{kind}{place}" for place in places for kind in ("Fv", "Fc")):
             if cause.kind == "structural" and name in physical.shared:
                 gone = sum(other[name].value for other in others if name in other)
@@ -248,15 +235,11 @@ def with_remainder(
     return replace(kept, parameters=parameters, loads=loads, remainder=remainder)
 
 
-def _number(cause: Cause, joints: Sequence[str]) -> int:
-    return joints.index(cause.joint) + 1 if cause.joint else 0
-
-
 def _changes(
     cause: Cause, joints: Sequence[str], given: Mapping[str, float]
 ) -> dict[str, EffectParameter]:
     """Return the changes of standard parameters by name that the recording determines."""
-    number, changes = _number(cause, joints), {}
+    number, changes = joints.index(cause.joint) + 1 if cause.joint else 0, {}
     places = [f"{letters}{number}" for letters in INERTIAL]
     body = np.array([given.get(place, 0.0) for place in places])
     for name, parameter in cause.parameters.items():
@@ -266,9 +249,14 @@ def _changes(
         if link := re.fullmatch(r"change_of_(?:base_)?([A-Z]+\d+)", name):
             changes[link[1]] = parameter
         elif kind == WHOLE_LINK or kind in CENTRE_OF_MASS:
-            after = _changed_link(body, kind, parameter.value)
-            spread = _changed_link(body, kind, parameter.std) - body
-            for place, change, std in zip(places, after - body, spread, strict=True):
+            # The link is heavier, or its centre of mass is elsewhere.
+            after, further = (
+                (1.0 + size) * body
+                if kind == WHOLE_LINK
+                else with_centre_moved(body, size * np.eye(3)[CENTRE_OF_MASS.index(kind)])
+                for size in (parameter.value, parameter.std)
+            )
+            for place, change, std in zip(places, after - body, further - body, strict=True):
                 before = changes.get(place, EffectParameter(0.0, 1e-9, ""))
                 std = math.hypot(before.std or 0.0, std)
                 changes[place] = EffectParameter(before.value + change, std, "")
@@ -278,45 +266,18 @@ def _changes(
     return changes
 
 
-def _changed_link(body: FloatArray, kind: str, value: float) -> FloatArray:
-    """Return XX … M (10,) of a link that is heavier, or whose centre of mass is elsewhere."""
-    if kind == WHOLE_LINK:
-        return (1.0 + value) * body
-    return with_centre_moved(body, value * np.eye(3)[CENTRE_OF_MASS.index(kind)])
-
-
-def _load(cause: Cause, changes: Mapping[str, EffectParameter], number: int, source: str) -> Load:
-    """Return a payload with a mass, at the joint that carries it."""
-    numbers = {kind_of(name): change for name, change in changes.items()}
-    mass = numbers["M"].value
-    none = EffectParameter(0.0, None, "kg m")
+def _load(cause: Cause, numbers: Mapping[str, EffectParameter], others: int, source: str) -> Load:
+    mass, none = numbers["M"].value, EffectParameter(0.0, None, "kg m")
     first = np.array([numbers.get(kind, none).value for kind in ("MX", "MY", "MZ")])
     ball = pin.Inertia.FromSphere(mass, (3.0 * mass / (4.0 * math.pi * _WATER)) ** (1.0 / 3.0))
     ball.lever = first / mass
-    about = f"{source}: {cause_name(cause)}"
-    body = _nearest_body(np.zeros(10), numbers, parameters_of(ball), about)
-    missing = [kind for kind in INERTIAL if kind not in numbers]
+    body = _nearest_body(np.zeros(10), numbers, parameters_of(ball), source)
     words = f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
-    if missing:
+    if not set(INERTIAL) <= set(numbers):
         words += "; the rest as of a ball of water"
     assert cause.joint is not None
-    name = cause.effect if not number else f"{cause.effect}_{number + 1}"
+    name = f"{cause.effect}_{others + 1}" if others else cause.effect
     return Load(name, cause.joint, body, words)
-
-
-def _link(
-    cause: Cause, changes: Mapping[str, EffectParameter], given: Mapping[str, float], source: str
-) -> dict[str, tuple[float, float | None]]:
-    """Return the changed parameters of one link, with standard deviations, by name."""
-    number = re.sub(r"\D", "", next(iter(changes)))
-    numbers = {kind_of(name): change for name, change in changes.items()}
-    nominal = np.array([given[f"{kind}{number}"] for kind in INERTIAL])
-    body = _nearest_body(nominal, numbers, nominal, f"{source}: {cause_name(cause)}")
-    return {
-        f"{kind}{number}": (float(value), change.std if change and change.value else None)
-        for kind, value in zip(INERTIAL, body, strict=True)
-        for change in [numbers.get(kind)]
-    }
 
 
 def _nearest_body(

@@ -6,7 +6,7 @@ physical is left for the link, the change is spread over all of them: one affine
 body, J → T J Tᵀ, maps the nominal one to the new one and every part of it to a physical part.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,36 +14,56 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.configuration import Configuration, ControllerSection
+from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.result.document import GapResult
-from idim_iv_ros.effects.registry import STRUCTURAL, part_of
+from idim_iv_ros.effects.registry import BY_NAME, STRUCTURAL, part_of
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.files import ANY_GAP, read_text
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import RobotModel
+from idim_iv_ros.model import (
+    InverseModel,
+    RobotModel,
+    build_inverse_model,
+    read_urdf_file,
+    read_urdf_text,
+    require_same_robot,
+)
+from idim_iv_ros.model.base_parameters import NON_NEGATIVE
 from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
-from idim_iv_ros.model.urdf import Urdf
+from idim_iv_ros.model.urdf import LARGEST, Urdf
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
+from idim_iv_ros.physical.remainder import USUAL_ERROR
 from idim_iv_ros.simulation import SimulatedEffect, control_law
-from idim_iv_ros.simulator_files.named import CorrectedModel, Load, is_possible
-from idim_iv_ros.simulators.effects_file import constant_torques
+from idim_iv_ros.simulation.effects import contributions_of
+from idim_iv_ros.simulator_files.named import (
+    CorrectedModel,
+    Load,
+    cause_name,
+    corrected_model,
+    is_possible,
+    kind_of,
+    numbers_in_words,
+    with_remainder,
+)
+from idim_iv_ros.simulators.effects_file import constant_torques, effect_of_cause
 from idim_iv_ros.types import FloatArray
+
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class DriveLaw:
     """Control law as gains from errors to joint torques, (n_joints,) each; zero if unknown."""
 
-    # kp, kd, ki: N m/rad, N m s/rad, N m/(rad s)
-    kp: FloatArray
-    kd: FloatArray
-    ki: FloatArray
+    kp: FloatArray  # N m/rad
+    kd: FloatArray  # N m s/rad
+    ki: FloatArray  # N m/(rad s)
     # Whether the kd term acts on the error of the speed; otherwise on the speed
     velocity_reference: bool
     limit: FloatArray  # N m: infinite where there is none
-    # period, delay: s: of the control; from the command to the torque
-    period: float
-    delay: FloatArray
+    period: float  # s, of the control
+    delay: FloatArray  # s, from the command to the torque
     configured: bool  # Whether a law is known
     beyond: tuple[str, ...]  # What of the law simulators have no element for
 
@@ -62,43 +82,6 @@ class DriveLaw:
         slip = "(dq_ref - dq)" if self.velocity_reference else "(-dq)"
         integral = " + ki * integral of (q_ref - q)" if np.any(self.ki) else ""
         return f"torque = kp * (q_ref - q) + kd * {slip}{integral}, every {self.period:g} s"
-
-
-def drive_law(
-    section: ControllerSection, joints: Sequence[str], effects: Sequence[SimulatedEffect]
-) -> DriveLaw:
-    """Return the configured law with the gains, delays and limits that the diagnosis found.
-
-    They are in effects whose part is gains, delay or limit.
-    """
-    n = len(joints)
-    law = None if section.type == "unknown" else control_law(section, n)
-    names = ("kp", "kd", "ki")
-    numbers = {name: np.zeros(n) if law is None else getattr(law, name).copy() for name in names}
-    limit = np.full(n, np.inf) if section.torque_limit is None else np.array(section.torque_limit)
-    delay, beyond = np.full(n, section.delay), []
-    for effect in effects:
-        value, part = effect.parameters, part_of(effect.effect)
-        places = list(range(n)) if effect.joint is None else [list(joints).index(effect.joint)]
-        if part == "delay":
-            delay[places] += value.get("delay", 0.0)
-        elif part == "limit" and not value.get("slope", 0.0):
-            limit[places] = np.minimum(limit[places], value["knee"])
-        elif part == "gains" and law is not None:
-            for name, number in value.items():
-                if name in numbers:
-                    numbers[name][places] = number
-                elif number:
-                    beyond.append(f"{name} {number:.4g} at {effect.joint}")
-    return DriveLaw(
-        **numbers,
-        velocity_reference=law is not None and law.velocity_reference,
-        limit=limit,
-        period=section.period or 0.001,
-        delay=delay,
-        configured=law is not None,
-        beyond=tuple(beyond),
-    )
 
 
 @dataclass(frozen=True)
@@ -121,13 +104,12 @@ class Coupled:
 class JointValues:
     """Drives and friction of all joints, (n_joints,) each."""
 
-    # armature, damping, friction, offset: kg m², N m s/rad, N m, N m
-    armature: FloatArray
-    damping: FloatArray
-    friction: FloatArray
-    offset: FloatArray
-    # (n_joints,) s: by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as
-    # MuJoCo's with the defaults of its solver
+    armature: FloatArray  # kg m²
+    damping: FloatArray  # N m s/rad
+    friction: FloatArray  # N m
+    offset: FloatArray  # N m
+    # s, by which dry friction turns before its joint; zero as a robot's, and 9.5 ms as MuJoCo's
+    # with the defaults of its solver
     lead: FloatArray
     couplings: tuple[Coupled, ...] = ()  # of coupled transmissions
 
@@ -186,8 +168,53 @@ class ExportedRobot:
 
     @cached_property
     def links(self) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
-        """Return the inertials of changed links, and notes on them."""
-        return link_bodies(self.urdf, self.robot, self.bodies, str(self.source))
+        """Return the inertials of changed links, and notes on them.
+
+        Raises UsageError: a link for which no physical body is left.
+        """
+        urdf, robot, joints, source = self.urdf, self.robot, self.bodies, self.source
+        # Links with mass that a joint carries: placement in its frame, and XX … M (10,) there.
+        carried: dict[str, dict[str, tuple[pin.SE3, FloatArray]]] = {joint: {} for joint in joints}
+        for frame in robot.pinocchio.frames:
+            inertial = urdf.links[frame.name] if frame.type == pin.FrameType.BODY else None
+            if inertial is not None and inertial.mass > 0.0 and frame.parentJoint > 0:
+                joint = robot.joints[robot.order[frame.parentJoint - 1]]
+                body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
+                place = frame.placement
+                carried[joint][frame.name] = (place, parameters_of(place.act(body)))
+        changed, notes = {}, []
+        for joint, target in joints.items():
+            main, parts = urdf.joints[joint].child, carried[joint]
+            others = [link for link in parts if link != main]
+            rest = target - sum((parts[link][1] for link in others), np.zeros(10))
+            _, reference = parts.get(main, (None, rest))
+            rounding = _ROUNDING * np.abs(reference).max()
+            if main in parts and np.abs(rest - reference).max() <= rounding:
+                continue
+            if is_possible(rest, reference):
+                changed[main] = body_of(rest)
+                continue
+            names = ", ".join(others)
+            if not others:
+                raise UsageError(f"{source}: link {main}: no body is left for it")
+            nominal = sum((parameters for _, parameters in parts.values()), np.zeros(10))
+            try:
+                before = np.linalg.inv(upper_root(pseudo_inertia(nominal)))
+                root = upper_root(pseudo_inertia(target)) @ before
+            except np.linalg.LinAlgError as error:
+                raise UsageError(
+                    f"{source}: link {main}: what is fixed behind it ({names}) weighs more than "
+                    f"the recording lets {joint} carry, and the nominal inertials are too "
+                    "degenerate to spread the change; correct their inertials"
+                ) from error
+            for link, (place, parameters) in parts.items():
+                matrix = root @ pseudo_inertia(parameters) @ root.T
+                changed[link] = place.actInv(body_of(inertial_parameters(matrix)))
+            notes.append(
+                f"{main} and what is fixed behind it ({names}) changed together: with the "
+                "inertials that the file gives these, no body would be left for the link"
+            )
+        return changed, tuple(notes)
 
     @cached_property
     def mounted(self) -> dict[str, tuple[str, Load]]:
@@ -250,8 +277,38 @@ class ExportedRobot:
 
     @cached_property
     def law(self) -> DriveLaw:
-        """Return the configured law with the effects of the diagnosis on it."""
-        return drive_law(self.configuration.controller, self.robot.joints, self.structural)
+        """Return the configured law with the gains, delays and limits that the diagnosis found."""
+        section, joints = self.configuration.controller, self.robot.joints
+        n = len(joints)
+        law = control_law(section, n) if section.type != "unknown" else None
+        numbers = {name: np.zeros(n) for name in ("kp", "kd", "ki")}
+        if law is not None:
+            numbers = {name: getattr(law, name).copy() for name in numbers}
+        limit, delay, beyond = np.full(n, np.inf), np.full(n, section.delay), []
+        if section.torque_limit is not None:
+            limit = np.array(section.torque_limit)
+        for effect in self.structural:
+            value, part = effect.parameters, part_of(effect.effect)
+            at = [effect.joint in (None, joint) for joint in joints]
+            if part == "delay":
+                delay[at] += value.get("delay", 0.0)
+            elif part == "limit" and not value.get("slope", 0.0):
+                limit[at] = np.minimum(limit[at], value["knee"])
+            elif part == "gains" and law is not None:
+                for name, number in value.items():
+                    if name in numbers:
+                        numbers[name][at] = number
+                    elif number:
+                        beyond.append(f"{name} {number:.4g} at {effect.joint}")
+        return DriveLaw(
+            **numbers,
+            velocity_reference=law is not None and law.velocity_reference,
+            limit=limit,
+            period=section.period or 0.001,
+            delay=delay,
+            configured=law is not None,
+            beyond=tuple(beyond),
+        )
 
     @property
     def coupled_friction(self) -> dict[str, float]:
@@ -274,84 +331,144 @@ class ExportedRobot:
         return (*self.links[1], *negative)
 
 
-_ROUNDING = 1e-12
+_LONGEST_DELAY = 1.0  # s, as controller.delay
+_SAME = 1e-6  # relative to the largest of its kind: rounding of a file that was written again
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A link with mass, in the frame of the joint that carries it."""
+def read_answer(
+    path: Path,
+    configuration: Configuration,
+    file: Path,
+    *,
+    refit: bool = False,
+    without: Collection[str] = (),
+    remainder: bool = False,
+) -> ExportedRobot:
+    """Read a result.json or gap.json to export, and check that it belongs to this robot.
 
-    link: str
-    place: pin.SE3
-    parameters: FloatArray  # XX … M (10,)
+    `file` is the URDF or MJCF of the configuration.
 
-
-def link_bodies(
-    urdf: Urdf, robot: RobotModel, joints: Mapping[str, FloatArray], source: str
-) -> tuple[dict[str, pin.Inertia], tuple[str, ...]]:
-    """Return the inertials of changed links, and notes on them.
-
-    `joints`: XX … M (10,) of the body that each identified joint carries; `source` names the URDF.
-
-    Raises UsageError: a link for which no physical body is left.
+    Raises UsageError: it is neither, or of another robot or URDF, has no physically consistent
+    parameters, or not the cause to leave out.
     """
-    carried = _carried_links(urdf, robot)
-    changed, notes = {}, []
-    for joint, target in joints.items():
-        main = urdf.joints[joint].child
-        parts = carried[joint]
-        others = [part for part in parts if part.link != main]
-        main_part = next((part for part in parts if part.link == main), None)
-        rest = target - sum((other.parameters for other in others), np.zeros(10))
-        reference = rest if main_part is None else main_part.parameters
-        rounding = _ROUNDING * np.abs(reference).max()
-        if main_part is not None and np.abs(rest - reference).max() <= rounding:
-            continue
-        if is_possible(rest, reference):
-            changed[main] = body_of(rest)
-            continue
-        names = ", ".join(other.link for other in others)
-        if not others:
-            raise UsageError(f"{source}: link {main}: no body is left for it")
-        spread = _spread(parts, target)
-        if spread is None:
+    text = read_text(path, "the result")
+    kind = GapResult if ANY_GAP in text else IdentificationResult
+    result: Result = kind.from_json(text, str(path))
+    source, urdf = str(file), read_urdf_file(file)
+    model = build_inverse_model(configuration, urdf, source)
+    require_same_robot(path, result, configuration, model.robot, source)
+    physical = _require_same_nominal(path, result, model, source)
+    gap = result if isinstance(result, GapResult) else None
+    if (refit or gap is None) and (without or remainder):
+        dense = "one dense refit" if refit else "an identification"
+        what = f"--remainder: {dense} names no causes, so that nothing remains beside them"
+        if without:
+            what = f"--without {', '.join(without)}: {dense} has no causes that could be left out"
+        raise UsageError(f"{path}: {what}")
+    causes = [] if gap is None else list(gap.causes)
+    for number, cause in enumerate(causes):
+        if cause.effect not in BY_NAME:
             raise UsageError(
-                f"{source}: link {main}: what is fixed behind it ({names}) weighs more than the "
-                f"recording lets {joint} carry, and the nominal inertials are too degenerate to "
-                "spread the change; correct their inertials"
+                f"{path}: causes.{number}: {cause_name(cause)} is unknown to this version of "
+                "idim_iv_ros"
             )
-        changed |= spread
-        notes.append(
-            f"{main} and what is fixed behind it ({names}) changed together: with the inertials "
-            "that the file gives these, no body would be left for the link"
+        delay = cause.parameters.get("delay")
+        if delay is not None and delay.value > _LONGEST_DELAY:
+            raise UsageError(f"{path}: causes.{number}: a delay of {delay.value:g} s is no drive's")
+    for name in without:
+        if not any(name in (cause.effect, cause_name(cause)) for cause in causes):
+            names = ", ".join(map(cause_name, causes)) or "none"
+            raise UsageError(
+                f"{path}: names no cause {name} that could be left out; its causes: {names}"
+            )
+    kept = [cause for cause in causes if not {cause.effect, cause_name(cause)} & set(without)]
+    others = [cause for cause in causes if cause not in kept]
+    structural = [cause for cause in kept if BY_NAME[cause.effect].kind == "structural"]
+    whole, about = refit or remainder, f"{path}: causes"
+    effects = tuple(effect_of_cause(cause, about, refit=whole) for cause in structural)
+    contributions_of(effects, model.robot.joints)  # names and numbers as the simulator takes them
+    notes = tuple(
+        f"{cause_name(cause)} is indistinguishable from "
+        f"{', '.join(other.effect for other in cause.indistinguishable_from)}: it is a guess"
+        for cause in structural
+        if cause.indistinguishable_from
+    )
+    given = model.robot.gravity
+    corrected = CorrectedModel(physical.parameters, (), (), given)
+    if gap is not None and not refit:
+        make = with_remainder if remainder else corrected_model
+        corrected = make(model, kept, others, physical, str(path))
+        masses = [number for number in corrected.parameters if kind_of(number.name) == "M"]
+        notes += tuple(
+            f"the link of {joint} weighs {mass.value:.3g} kg, {mass.given:.3g} in the nominal "
+            f"model: more than three times the usual error of {100.0 * USUAL_ERROR:.0f} %, so that "
+            "an effect that was not found may be in it"
+            for joint, mass in zip(model.robot.joints, masses, strict=True)
+            if mass.source == "recording and nominal model"
+            and abs(mass.value - mass.given) > 3.0 * USUAL_ERROR * mass.given
         )
-    return changed, tuple(notes)
+        if not np.array_equal(corrected.gravity, given):
+            listed = ", ".join(f"{component:.5g}" for component in corrected.gravity)
+            tilt = next(c.effect for c in kept if BY_NAME[c.effect].part == "gravity")
+            notes += (
+                f"{tilt}: robot.gravity would be [{listed}] m/s²; an MJCF that is made from a URDF "
+                "has it, no other file",
+            )
+    return ExportedRobot(
+        path=path,
+        result=result,
+        configuration=configuration,
+        source=file,
+        content=file.read_bytes(),
+        urdf=read_urdf_text(urdf, source),
+        refit=refit or gap is None,
+        robot=model.robot,
+        physical=physical,
+        model=corrected,
+        structural=(*effects, *corrected.effects),
+        in_parameters=tuple(
+            f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
+            for cause in kept
+            if cause.kind == "parametric"
+        ),
+        left_out=tuple(map(cause_name, others)),
+        remarks=notes,
+    )
 
 
-def _carried_links(urdf: Urdf, robot: RobotModel) -> dict[str, list[_Part]]:
-    """Return the links with mass that each identified joint carries, in its frame."""
-    carried: dict[str, list[_Part]] = {joint: [] for joint in robot.joints}
-    for frame in robot.pinocchio.frames:
-        inertial = urdf.links[frame.name] if frame.type == pin.FrameType.BODY else None
-        if inertial is not None and inertial.mass > 0.0 and frame.parentJoint > 0:
-            joint = robot.joints[robot.order[frame.parentJoint - 1]]
-            body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
-            place = frame.placement
-            carried[joint].append(_Part(frame.name, place, parameters_of(place.act(body))))
-    return carried
+def _require_same_nominal(
+    path: Path, result: Result, model: InverseModel, source: str
+) -> PhysicalParameters:
+    """Return the physical parameters after checking that the nominal model is unchanged.
 
-
-def _spread(parts: list[_Part], target: FloatArray) -> dict[str, pin.Inertia] | None:
-    """Map all parts by one affine map to the whole `target`; None if that is impossible."""
-    nominal = sum((part.parameters for part in parts), np.zeros(10))
-    try:
-        root = upper_root(pseudo_inertia(target)) @ np.linalg.inv(
-            upper_root(pseudo_inertia(nominal))
-        )
-    except np.linalg.LinAlgError:
-        return None
-    mapped = {}
-    for part in parts:
-        matrix = root @ pseudo_inertia(part.parameters) @ root.T
-        mapped[part.link] = part.place.actInv(body_of(inertial_parameters(matrix)))
-    return mapped
+    Parameters that the recording does not determine have nominal values.
+    """
+    again = f"run `idim-iv {result.written_by}` again"
+    physical = result.physical
+    if physical is None:
+        why = result.why_no_physical or "it was written before they were part of it"
+        raise UsageError(f"{path}: has no physically consistent parameters: {why}; then {again}")
+    layout = model.regressor.layout
+    now = dict(zip(layout.names, layout.vector(model.robot.given), strict=True))
+    for name in layout.names:
+        if kind_of(name) in INERTIAL and name not in physical.values:
+            raise UsageError(f"{path}: physical.parameters: {name} is missing; {again}")
+    sizes: dict[str, float] = {}
+    for parameter in physical.parameters:
+        sizes[parameter.unit] = max(sizes.get(parameter.unit, 1e-12), abs(parameter.given))
+    for parameter in physical.parameters:
+        name, kind = parameter.name, kind_of(parameter.name)
+        # Links are judged as bodies.
+        bounded = kind in NON_NEGATIVE and kind not in INERTIAL and name not in physical.shared
+        if not abs(parameter.value) <= LARGEST or (bounded and parameter.value < 0.0):
+            raise UsageError(
+                f"{path}: physical.parameters: {name} is {parameter.value:g} {parameter.unit}, "
+                "which no robot has"
+            )
+        value = now.get(name, parameter.given)
+        if abs(value - parameter.given) > _SAME * sizes[parameter.unit]:
+            raise UsageError(
+                f"{path}: the nominal model changed since: {name} was {parameter.given:.6g} "
+                f"{parameter.unit}, and is {value:.6g} in {source} and its configuration; {again}"
+            )
+    return physical

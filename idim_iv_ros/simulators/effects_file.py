@@ -88,11 +88,11 @@ def read_effects(path: Path) -> EffectsFile:
         )
         return replace(file, effects=effects, place=f"{path}: base_parameters.")
     gap = GapResult.from_json(text, str(path))
-    effects = tuple(
-        effect_of_cause(cause, f"{path}: causes.{k}") for k, cause in enumerate(gap.causes)
-    )
-    parameters = {name: parameter.value for name, parameter in gap.extended_parameters.items()}
-    place = f"{path}: extended_parameters."
     return EffectsFile(
-        base_parameters=parameters, effects=effects, recordings=gap.bags, place=place
+        base_parameters={name: p.value for name, p in gap.extended_parameters.items()},
+        effects=tuple(
+            effect_of_cause(cause, f"{path}: causes.{k}") for k, cause in enumerate(gap.causes)
+        ),
+        recordings=gap.bags,
+        place=f"{path}: extended_parameters.",
     )

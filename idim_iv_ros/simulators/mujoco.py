@@ -1,14 +1,12 @@
-"""Effects of a diagnosis in MuJoCo: what MJCF cannot express, added at every step.
+"""A robot in MuJoCo, and effects of a diagnosis: what MJCF cannot express, added at every step.
 
-::
+Parameters nearest to the nominal ones need not be physical; MuJoCo simulates them nevertheless,
+but its compiler refuses them, so that they are set after compilation.
 
-    model = model_with_effects("arm.xml", "effects.json")
-    data = mujoco.MjData(model)
-    effects = Effects(model, "effects.json")
-    while running:
-        data.ctrl[:] = control(effects.position(data))
-        effects.apply(model, data)
-        mujoco.mj_step(model, data)
+Elasticity and backlash make two masses of a joint. The joint becomes that of the motor, with its
+armature, friction and actuators; a second one on the same body, ``NAME_shaft`` about the same axis,
+is the position of the link less that of the motor. Friction between two joints is that of a tendon
+``A_B_coupling`` over both.
 
 The laws, and their times of evaluation, are those of `simulation.effect_kernel`: torques that
 oppose motion become dry friction and damping of the step, which MuJoCo solves together with
@@ -25,27 +23,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from idim_iv_ros.compilation import entry, source_digest
 from idim_iv_ros.effects import registry
 from idim_iv_ros.effects.contribution import (
     LEAST_SPEED,
     CommandDelay,
-    DriveCurve,
     EncoderError,
     LawChange,
+    ShaftPart,
 )
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import FilePath
-from idim_iv_ros.model.link_motion import LinkFrames
-from idim_iv_ros.model.mujoco_package import load_mujoco
+from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
+from idim_iv_ros.model.link_motion import LinkFrames, link_frames
+from idim_iv_ros.model.mjcf import load_mujoco, mujoco_reads, set_first
 from idim_iv_ros.simulation import dry_friction, effect_kernel
 from idim_iv_ros.simulation.affected_robot import (
-    JointContributions,
     affected_plant,
-    contributions_of,
+    completed_shaft,
     encoder_error,
+    joined_shafts,
 )
 from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.effect_kernel import (
@@ -54,19 +54,239 @@ from idim_iv_ros.simulation.effect_kernel import (
     effect_torques,
     states_turn,
 )
-from idim_iv_ros.simulation.effects import SimulatedEffect, joint_effects
-from idim_iv_ros.simulation.plant import Plant
+from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
+from idim_iv_ros.simulation.plant import Contacts, Plant
 from idim_iv_ros.simulators.effects_file import read_effects
-from idim_iv_ros.simulators.mujoco_parts import (
-    SHAFT,
-    MujocoShafts,
-    coupling_name,
-    first_column,
-    model_with_effects,
-)
 from idim_iv_ros.types import FloatArray, IntArray
 
-__all__ = ["Effects", "model_with_effects"]
+REPLAY = "replay_"
+_LEAST_SHARE = 0.1  # of the largest value of its kind, by which a standard parameter may move
+_LEAST_MASS = 1e-6  # kg
+
+
+def nearest_parameters(model: InverseModel, values: FloatArray) -> DynamicParameters:
+    """Return the standard parameters nearest to the nominal ones with base parameters (b,).
+
+    Distances are relative: parameters that are small in the nominal model change little.
+    """
+    layout = model.regressor.layout
+    nominal = layout.vector(model.robot.given)
+    grouping = model.base.grouping
+    kinds, sizes = np.array([parameter.kind for parameter in layout.parameters]), np.abs(nominal)
+    largest = np.array([sizes[kinds == kind].max() for kind in kinds])
+    weight = (sizes + _LEAST_SHARE * np.where(largest > 0.0, largest, sizes.max())) ** 2
+    change = values - grouping @ nominal
+    weighted = grouping * weight
+    step = weighted.T @ np.linalg.lstsq(weighted @ grouping.T, change, rcond=1e-13)[0]
+    return layout.dynamic_parameters(nominal + step)
+
+
+def plant_spec(mujoco: Any, robot: RobotModel, parameters: DynamicParameters) -> Any:
+    """Return the kinematic tree with drives and friction; `set_inertias` must follow.
+
+    Raises UsageError: couplings of joints, which are not supported here.
+    """
+    if len(parameters.coupling_joints):
+        raise UsageError("robot.couplings: a transmission that couples joints cannot be replayed")
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.gravity = robot.gravity
+    turned = link_frames(robot).turned
+    bodies = [spec.worldbody]
+    for tree, joint in enumerate(robot.order, start=1):
+        placement = robot.pinocchio.jointPlacements[tree]
+        body = bodies[int(robot.pinocchio.parents[tree])].add_body(
+            name=f"link_{robot.joints[joint]}",
+            pos=placement.translation,
+            quat=_quaternion(placement.rotation),
+        )
+        # A frame of inertia that is none of the body's, so that MuJoCo takes no short cut.
+        body.mass, body.inertia = 1.0, [0.4, 0.5, 0.6]
+        body.ipos, body.iquat = [0.1, 0.2, 0.3], [0.8, 0.4, 0.4, 0.2]
+        body.explicitinertial = True
+        kind = mujoco.mjtJoint
+        revolute = robot.joint_types[joint] == "revolute"
+        element = body.add_joint(
+            name=robot.joints[joint],
+            type=kind.mjJNT_HINGE if revolute else kind.mjJNT_SLIDE,
+            axis=turned[tree][:, 2],
+        )
+        element.armature = max(float(parameters.drive_inertia[joint]), 0.0)
+        element.frictionloss = max(float(parameters.coulomb[joint]), 0.0)
+        set_first(element, "damping", max(float(parameters.viscous[joint]), 0.0))
+        bodies.append(body)
+    return spec
+
+
+def add_motors(mujoco: Any, spec: Any, joints: Sequence[str]) -> None:
+    """Add one motor to each joint, whose control is its torque."""
+    for name in joints:
+        motor = spec.add_actuator(name=REPLAY + name, target=name)
+        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        motor.gear[0] = 1.0
+        # Whatever the defaults of a user's file make of an actuator.
+        motor.dyntype, motor.gaintype = mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtGain.mjGAIN_FIXED
+        motor.biastype, motor.gainprm[0] = mujoco.mjtBias.mjBIAS_NONE, 1.0
+        motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def set_inertias(mujoco: Any, model: Any, robot: RobotModel, parameters: DynamicParameters) -> None:
+    """Set masses and inertias of a compiled model, physical or not."""
+    for joint, name in enumerate(robot.joints):
+        body = int(model.jnt_bodyid[model.joint(name).id])
+        mass, *_ = values = parameters.inertial[joint]
+        if abs(mass) < _LEAST_MASS and np.any(np.abs(values[1:4]) > _LEAST_MASS):
+            raise UsageError(f"{robot.name}: the link of {name} has a moment and no mass")
+        centre = values[1:4] / mass if abs(mass) >= _LEAST_MASS else np.zeros(3)
+        xx, xy, yy, xz, yz, zz = values[4:]
+        origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        about = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        moments, axes = np.linalg.eigh(about)
+        if np.linalg.det(axes) < 0.0:
+            axes[:, 0] *= -1.0
+        model.body_mass[body], model.body_ipos[body] = mass, centre
+        model.body_inertia[body], model.body_iquat[body] = moments, _quaternion(axes)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _quaternion(rotation: FloatArray) -> FloatArray:
+    x, y, z, w = pin.Quaternion(np.asarray(rotation)).coeffs()
+    return np.array([w, x, y, z])
+
+
+SHAFT, COUPLING = "_shaft", "_coupling"
+# A step is at most this over the pulsation of a shaft, rad; MuJoCo's springs are explicit.
+LARGEST_ANGLE = 0.8
+
+
+class StepTooLongError(UsageError):
+    """The time step of a model does not resolve one of its shafts."""
+
+
+def model_with_effects(model: FilePath, effects: FilePath) -> Any:
+    """Compile an MJCF with the parts that the effects of a file need.
+
+    Without elasticity, backlash and joint coupling it is the model of the file as it is.
+
+    Raises UsageError: MuJoCo is not installed, a file cannot be read, an effect or joint is not
+    known.
+    """
+    mujoco = load_mujoco("a model with effects")
+    parts = read_effects(Path(effects)).effects
+    with mujoco_reads(model):
+        spec = mujoco.MjSpec.from_file(str(model))
+        add_parts(spec, parts)
+        compiled = spec.compile()
+    return compiled
+
+
+def add_parts(spec: Any, effects: Sequence[SimulatedEffect]) -> None:
+    """Add shafts and couplings to a specification that is not compiled yet."""
+    joints = [joint.name for joint in spec.joints if joint.name]
+    parts = contributions_of([effect for effect in effects if not effect.native], joints)
+    for name in dict.fromkeys(joints[joint] for joint, _ in parts.of(ShaftPart)):
+        if spec.joint(name + SHAFT) is not None:
+            continue
+        motor = spec.joint(name)
+        if float(motor.armature) <= 0.0:
+            raise UsageError(
+                f"elasticity or backlash at {name} needs its drive inertia: the joint has no "
+                "armature"
+            )
+        if len(motor.parent.joints) > 1:
+            raise UsageError(f"elasticity or backlash at {name}: its body has several joints")
+        shaft = motor.parent.add_joint(
+            name=name + SHAFT, type=motor.type, pos=motor.pos, axis=motor.axis
+        )
+        for key in ("armature", "frictionloss", "damping", "stiffness"):  # not those of a default
+            setattr(shaft, key, 0.0 * getattr(motor, key))
+    for first, second, term in parts.couplings:
+        name = coupling_name(joints[first], joints[second])
+        if spec.tendon(name) is None:
+            tendon = spec.add_tendon(name=name)
+            tendon.wrap_joint(joints[first], 1.0)
+            tendon.wrap_joint(joints[second], float(term.direction))
+
+
+def coupling_name(first: str, second: str) -> str:
+    """Return the name of the tendon that couples two joints."""
+    return f"{first}_{second}{COUPLING}"
+
+
+class MujocoShafts:
+    """Shafts of the joints that have one, as joints ``NAME_shaft``: link less motor position.
+
+    Such a joint has stiffness and damping outside of its backlash, and neither within it.
+
+    Raises UsageError: the model has no such joint, or its time step is too long for the shaft.
+    """
+
+    def __init__(
+        self, mujoco: Any, model: Any, joints: Sequence[str], added: JointContributions
+    ) -> None:
+        self._mujoco = mujoco
+        # Each with the numbers of its joint, its position and its velocity in the model.
+        self._shafts: list[tuple[ShaftPart, int, int, int]] = []
+        present = {model.joint(k).name for k in range(model.njnt)}
+        for place, shaft in joined_shafts(added.of(ShaftPart)).items():
+            name = joints[place]
+            if name + SHAFT not in present:
+                raise UsageError(
+                    f"elasticity or backlash at {name}: the model has no joint {name + SHAFT}; "
+                    "build it with model_with_effects(xml, effects)"
+                )
+            joint = model.joint(name + SHAFT)
+            dof = int(joint.dofadr[0])
+            data = mujoco.MjData(model)
+            mujoco.mj_forward(model, data)
+            unit, response = np.zeros((2, 1, model.nv))
+            unit[0, dof] = 1.0
+            mujoco.mj_solveM(model, data, response, unit)
+            # The motor is not held: its own inertia is part of the mobility of the twist.
+            complete, pulsation = completed_shaft(shaft, 1.0 / float(response[0, dof]))
+            longest = LARGEST_ANGLE / pulsation
+            if model.opt.timestep > longest:
+                raise StepTooLongError(
+                    f"elasticity or backlash at {name} swings fast: the model's timestep is "
+                    f"{model.opt.timestep:g} s and {longest:.2g} s or less is needed"
+                )
+            self._shafts.append((complete, int(joint.id), int(joint.qposadr[0]), dof))
+
+    def apply(self, model: Any, data: Any) -> None:
+        """Set stiffness and damping of the shafts for this step."""
+        for shaft, joint, place, dof in self._shafts:
+            twist, rate = -data.qpos[place], -data.qvel[dof]
+            stiffness, damping = shaft.stiffness, shaft.damping
+            side = 1.0 if twist > 0.0 else -1.0
+            if shaft.gap > 0.0:
+                bent = side * twist - 0.5 * shaft.gap
+                if bent <= 0.0 or stiffness * bent + damping * side * rate <= 0.0:
+                    stiffness = damping = 0.0
+            model.qpos_spring[place] = -0.5 * side * shaft.gap
+            first_column(model.jnt_stiffness)[joint] = stiffness
+            first_column(model.dof_damping)[dof] = damping
+
+    def place(self, model: Any, data: Any) -> None:
+        """Put the links at rest into equilibrium with gravity behind their motors."""
+        load, speed = np.empty(model.nv), np.array(data.qvel)
+        for _ in range(30 if self._shafts else 0):
+            data.qvel[:] = 0.0
+            self._mujoco.mj_fwdPosition(model, data)
+            self._mujoco.mj_fwdVelocity(model, data)
+            self._mujoco.mj_rne(model, data, 0, load)
+            for shaft, _, place, dof in self._shafts:
+                bent = load[dof] / shaft.stiffness + 0.5 * shaft.gap * np.sign(load[dof])
+                data.qpos[place] = -bent
+                speed[dof] = 0.0
+        data.qvel[:] = speed
+
+
+def first_column(values: Any) -> Any:
+    """Return the linear coefficients of stiffness or damping, in any version of MuJoCo."""
+    return values if values.ndim == 1 else values[:, 0]
+
 
 STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp; 0.9999 is MuJoCo's largest impedance
 
@@ -92,9 +312,12 @@ class Effects:
         if isinstance(effects, str | PathLike):
             effects = read_effects(Path(effects)).effects
         given = [effect for effect in effects if not effect.native]
-        names = _joint_names(self._mujoco, model)
-        parts = joint_effects(given, names)
-        affected = {names[j] for part in parts for j in (part.joint, part.other_joint) if j >= 0}
+        # Hinges and slides, without the shafts that `model_with_effects` adds.
+        kinds = self._mujoco.mjtJoint
+        moving = np.isin(model.jnt_type, [int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)])
+        names = [model.joint(k).name for k in np.flatnonzero(moving)]
+        names = [name for name in names if name and not name.endswith(SHAFT)]
+        affected = {names[joint] for joint in contributions_of(given, names).joints}
         constant = [effect for effect in given if part_of(effect.effect) == "offset"]
         used = affected | {effect.joint for effect in constant}
         self.joints = tuple(name for name in names if name in used)
@@ -102,23 +325,44 @@ class Effects:
         self._dof = np.array([int(joint.dofadr[0]) for joint in joints], dtype=np.int64)
         self._qpos = np.array([int(joint.qposadr[0]) for joint in joints], dtype=np.int64)
         # Numbered as the joints with effects, not as all of the model.
-        numbered = joint_effects(given, self.joints)
-        added = self._added = contributions_of(numbered, model.dof_frictionloss[self._dof])
+        added = contributions_of(given, self.joints, model.dof_frictionloss[self._dof])
+        self._added = added
         self._offset = np.zeros(len(joints))
         for effect in constant:
-            if effect.joint in self.joints:
-                place = self.joints.index(effect.joint)
-                self._offset[place] += effect.parameters.get("offset", 0.0)
+            at = [name == effect.joint for name in self.joints]
+            self._offset[at] += effect.parameters.get("offset", 0.0)
         self.notes = tuple(
             f"{name_of('gains')} at {self.joints[joint]}: the control law is the user's; set it "
             "there"
             for joint, _ in added.of(LawChange)
         )
         self._shafts = MujocoShafts(self._mujoco, model, self.joints, added)
-        self._plant, self._effects = self._kernel_arguments(model, added, start_time)
+        # For the kernels: MuJoCo has the rigid bodies.
+        friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
+        place, none, turns = np.arange(len(joints)), np.zeros(0, np.int64), np.zeros((0, 3, 3))
+        base = Plant(
+            frames=LinkFrames(none, none > 0, turns, np.zeros((0, 3)), turns, np.zeros(3)),
+            inertial=np.zeros((0, 10)),
+            drive_inertia=np.diag(model.dof_armature[self._dof]),
+            damping=np.diag(friction[1]),
+            offset=np.zeros(len(joints)),
+            level=friction[0],
+            contacts=Contacts(place, np.full(len(joints), -1), np.ones(len(joints))),
+        )
+        self._plant, self._effects = affected_plant(base, friction, added, place, {}, start_time)
         self._friction = np.zeros((2, len(self._plant.level)))
         self._mode, self._push = self._friction[0].astype(np.int64), self._friction[0].copy()
-        tendons = [_tendon(model, *(self.joints[k] for k in pair)) for *pair, _ in added.couplings]
+        present = {model.tendon(k).name: k for k in range(model.ntendon)}
+        tendons = []
+        for first, second, _ in added.couplings:
+            pair = (self.joints[first], self.joints[second])
+            name = coupling_name(*pair)
+            if name not in present:
+                raise UsageError(
+                    f"friction between {' and '.join(pair)}: the model has no tendon {name}; build "
+                    "it with model_with_effects(xml, effects)"
+                )
+            tendons.append(present[name])
         self._tendons = np.array(tendons, dtype=np.int64)
         rubbing = self._effects.dissipative | self._effects.dry[: len(joints)]
         rubbing |= self._effects.model_level[: len(joints)] > 0.0
@@ -134,36 +378,9 @@ class Effects:
             lag[joint] += delay.seconds
         self._wrong = any(added.of(EncoderError))
         self._drive = None
-        if self._wrong or np.any(lag > 0.0) or any(added.of(DriveCurve)):
+        if self._wrong or np.any(lag > 0.0) or added.curves:
             self._drive = _DelayLine(self._mujoco, model, [int(joint.id) for joint in joints], lag)
         self.reset()
-
-    def _kernel_arguments(
-        self, model: Any, added: JointContributions, start_time: float
-    ) -> tuple[Plant, effect_kernel.Effects]:
-        """Return joint friction and effects for the kernels; MuJoCo has the rigid bodies."""
-        n = len(self.joints)
-        friction = model.dof_frictionloss[self._dof], first_column(model.dof_damping)[self._dof]
-        joints, bodies = np.arange(n), np.zeros(0, dtype=np.int64)
-        base = Plant(
-            frames=LinkFrames(
-                parent=bodies,
-                revolute=bodies > 0,
-                rotation=np.zeros((0, 3, 3)),
-                translation=np.zeros((0, 3)),
-                turned=np.zeros((0, 3, 3)),
-                gravity=np.zeros(3),
-            ),
-            inertial=np.zeros((0, 10)),
-            drive_inertia=np.diag(model.dof_armature[self._dof]),
-            damping=np.diag(friction[1]),
-            offset=np.zeros(n),
-            level=friction[0],
-            first=joints,
-            second=np.full(n, -1),
-            direction=np.ones(n),
-        )
-        return affected_plant(base, friction, added, joints, {}, start_time)
 
     def reset(self) -> None:
         """Reset internal states and delays; done automatically where the data's time goes back."""
@@ -265,8 +482,7 @@ def _entry(digest: str) -> Callable[..., Any]:
         contact at rest would be moved. `mode` is written over.
         """
         _ = digest
-        n, contact = dq.shape[0], (plant.first, plant.second, plant.direction)
-        position, speed = effects.link_q, effects.link_speed
+        n, position, speed = dq.shape[0], effects.link_q, effects.link_speed
         # States along the way that MuJoCo has just gone, and then all in the middle of this step.
         for i in range(n):
             speed[i] = moved[i] / step
@@ -276,12 +492,12 @@ def _entry(digest: str) -> Callable[..., Any]:
             position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
             effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]
         for c in range(mode.shape[0]):
-            mode[c] = np.sign(slip(*contact, c, speed))
+            mode[c] = np.sign(slip(plant.contacts, c, speed))
         effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
         # Damping of couplings goes to their tendons; off the diagonal is no other.
         for c in range(n, mode.shape[0]):
-            first, second = plant.first[c], plant.second[c]
-            friction[1, c] = plant.direction[c] * plant.damping[first, second]
+            first, second = plant.contacts.first[c], plant.contacts.second[c]
+            friction[1, c] = plant.contacts.direction[c] * plant.damping[first, second]
             plant.damping[first, first] -= friction[1, c]
             plant.damping[second, second] -= friction[1, c]
             plant.damping[first, second] = 0.0  # another one of the same joints has it no more
@@ -294,7 +510,8 @@ def _entry(digest: str) -> Callable[..., Any]:
             friction[0, c] = plant.level[c]
             if friction[1, c] < 0.0 and (c >= n or effects.dissipative[c]):
                 # Less friction at higher speed: a lower level, which cannot drive.
-                friction[0, c] += friction[1, c] * max(abs(slip(*contact, c, dq)), LEAST_SPEED)
+                moving = max(abs(slip(plant.contacts, c, dq)), LEAST_SPEED)
+                friction[0, c] += friction[1, c] * moving
                 friction[1, c] = 0.0
             friction[0, c] = max(friction[0, c], LEAST_LEVEL if effects.dry[c] else 0.0)
 
@@ -338,22 +555,3 @@ class _DelayLine:
         sent, columns = np.array(self.sent), np.arange(len(torque))
         arrived = (1.0 - share) * sent[whole, columns] + share * sent[whole + 1, columns]
         return np.asarray(arrived)
-
-
-def _tendon(model: Any, first: str, second: str) -> int:
-    name = coupling_name(first, second)
-    try:
-        return int(model.tendon(name).id)
-    except KeyError as error:
-        raise UsageError(
-            f"friction between {first} and {second}: the model has no tendon {name}; build it with "
-            "model_with_effects(xml, effects)"
-        ) from error
-
-
-def _joint_names(mujoco: Any, model: Any) -> list[str]:
-    """Return names of hinges and slides, without the shafts that `model_with_effects` adds."""
-    kinds = [int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)]
-    joints = [joint for joint in range(model.njnt) if model.jnt_type[joint] in kinds]
-    names = [model.joint(joint).name for joint in joints]
-    return [name for name in names if name and not name.endswith(SHAFT)]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
+from scipy.interpolate import CubicHermiteSpline
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.encoding import json_text
@@ -31,7 +31,7 @@ from idim_iv_ros.simulation import (
     control_law,
     record_simulated_robot,
 )
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulators.effects_file import EffectsFile, read_effects
 from idim_iv_ros.types import FloatArray
 
@@ -65,7 +65,12 @@ class SimulatedRobot:
         period = self.law.period or 1.0 / trajectory.rate
         rate = settings.rate or round(1.0 / period, 6)
         require_sampling(max(rate, 1.0 / period), trajectory.duration, "the simulation")
-        position, velocity = _resample(trajectory, rate)
+        position, velocity = trajectory.position, trajectory.velocity
+        if abs(rate / trajectory.rate - 1.0) >= 1e-9:
+            samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
+            motion = CubicHermiteSpline(trajectory.time, position, velocity)
+            time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
+            position, velocity = motion(time), motion(time, 1)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)
         levels = settings.model_dump(include=_NOISE, exclude_none=True)
         noise: dict[str, Any] = {name: np.asarray(level) for name, level in levels.items()}
@@ -121,7 +126,7 @@ def simulated_robot(
     if extended is not None:
         beyond = read_effects(Path(extended))
         truth, effects = beyond.changed(truth), beyond.effects
-        joint_effects(effects, model.robot.joints)
+        contributions_of(effects, model.robot.joints)
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
         law = replace(law, delay=settings.delay)
@@ -136,18 +141,6 @@ def simulated_robot(
     )
 
 
-def _resample(trajectory: Trajectory, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities at another rate, interpolated by cubic polynomials."""
-    if abs(rate / trajectory.rate - 1.0) < 1e-9:
-        return trajectory.position, trajectory.velocity
-    samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
-    motion = scipy.interpolate.CubicHermiteSpline(
-        trajectory.time, trajectory.position, trajectory.velocity
-    )
-    time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
-    return motion(time), motion(time, 1)
-
-
 TRUTH = ".truth.json"
 
 
@@ -158,9 +151,8 @@ class SimulatedBag:
     path: Path
     seed: int
     samples: int
-    # rate, duration: Hz, s
-    rate: float
-    duration: float
+    rate: float  # Hz
+    duration: float  # s
     joint_types: tuple[str, ...]  # ``revolute`` or ``prismatic``
     peak_torque: FloatArray  # (n_joints,) N m (N): largest recorded effort, on the joint side
     # (n_joints,) rad (m): largest distance between reference and true position
@@ -203,32 +195,28 @@ def simulate(
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
     out = as_file(out)
-    bag_paths, truth = {seeds[0]: out}, out.with_name(out.stem + TRUTH)
-    if len(seeds) > 1:
-        bag_paths = {seed: out.with_name(f"{out.stem}-{seed}{out.suffix}") for seed in seeds}
-    require_file_place([*bag_paths.values(), truth], force=force)
+    truth, ends = out.with_name(out.stem + TRUTH), [f"-{seed}" for seed in seeds]
+    paths = [out.with_name(f"{out.stem}{end}{out.suffix}") for end in ends]
+    paths = paths if len(seeds) > 1 else [out]
+    require_file_place([*paths, truth], force=force)
     robot = simulated_robot(configuration, effects)
     content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
     if effects is not None:
         keys = ("effect", "joint", "other_joint", "parameters")
-        content["effects"] = [
-            {key: getattr(effect, key) for key in keys} for effect in robot.effects
-        ]
+        content["effects"] = [{key: getattr(one, key) for key in keys} for one in robot.effects]
     bags = []
     # All of them or none, also where one of many loops diverges.
     with (
         refused_if_unwritable(out),
         Stopwatch(progress) as watch,
-        complete_files([*bag_paths.values(), truth]) as temporary,
+        complete_files([*paths, truth]) as temporary,
     ):
-        for count, seed in enumerate(seeds):
+        for count, (seed, path) in enumerate(zip(seeds, paths, strict=True)):
             watch.stage(f"simulating seed {seed}", count / len(seeds))
             record = robot.record(trajectory, seed)
-            path = bag_paths[seed]
             watch.stage(f"writing {path.name}", (count + 0.7) / len(seeds))
-            topics = recorded_topics(robot, record)
             with temporary[path].open("wb") as stream:
-                write_messages(stream, topics, robot.description)
+                write_messages(stream, recorded_topics(robot, record), robot.description)
             reference = record.position_reference
             true = record.truth.position[:: record.control_ratio][: len(reference)]
             bags.append(
@@ -265,21 +253,13 @@ def recorded_topics(robot: SimulatedRobot, record: SimulatedRecording) -> list[J
             f"signals.reference is {reference}, which is measured too: a simulated recording needs "
             "two topics"
         )
+    measured = (record.position - offset) @ to_motor.T
+    wanted = (record.position_reference - offset) @ to_motor.T
+    speed = None if velocity is None else velocity @ to_motor.T
+    of_states = effort if efforts == states else None
     topics = [
-        JointTopic(
-            states,
-            joints,
-            record.time,
-            (record.position - offset) @ to_motor.T,
-            effort=effort if efforts == states else None,
-        ),
-        JointTopic(
-            reference,
-            joints,
-            np.arange(len(record.time)) / record.rate,
-            (record.position_reference - offset) @ to_motor.T,
-            None if velocity is None else velocity @ to_motor.T,
-        ),
+        JointTopic(states, joints, record.time, measured, effort=of_states),
+        JointTopic(reference, joints, np.arange(len(wanted)) / record.rate, wanted, speed),
     ]
     if efforts not in ("", states):
         topics.append(JointTopic(efforts, joints, record.time, effort=effort))

@@ -69,23 +69,12 @@ class ReplaySeries:
 class ReplayResult(Document):
     """Result of a replay; the document `replay.json`.
 
-    Attributes
-    ----------
-    format, robot : str
-    joints, joint_types, bags : tuple of str
-    duration : float
-        s of recording that were compared, in total over `bags`.
-    software : dict of str to str
-    model, effects : str
-        File of the model (``urdf``: made from the nominal model), file of the effects or empty.
-    tracking_noise, torque_noise : dict
-        Noise of the recordings by joint, RMS in rad (m) and N m (N).
-    stages : tuple of ReplayStage
-    held_out : bool or None
-        Whether model and effects were found on other recordings; None where that is not known.
-    notes : tuple of str
-    series : tuple of ReplaySeries
-        Not saved.
+    - `duration`: s of recording that were compared, in total over `bags`
+    - `model`, `effects`: file of the model (``urdf``: made from the nominal model), file of the
+      effects or empty
+    - `tracking_noise`, `torque_noise`: noise of the recordings by joint, RMS in rad (m) and N m (N)
+    - `held_out`: whether model and effects were found on other recordings; None where that is not
+      known
     """
 
     what: ClassVar[str] = "a replay"

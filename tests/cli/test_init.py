@@ -11,8 +11,7 @@ from bags import simulated_arms
 from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.first_configuration.drivers import driver_files, read_driver
-from idim_iv_ros.first_configuration.proposal import SECTIONS
+from idim_iv_ros.first_configuration.proposal import SECTIONS, driver_files, read_driver
 from idim_iv_ros.recording.writing.write import JointTopic
 from tests.cli.conftest import JOINTS, refused
 from tests.recording.control_messages import ControlBag

@@ -7,10 +7,15 @@ import pytest
 from scipy.interpolate import BPoly
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.criterion import ExcitationCost, condition_numbers, predict_parameters
-from idim_iv_ros.excitation.design import DesignSettings, design_excitation
-from idim_iv_ros.excitation.fourier import FourierBasis
+from idim_iv_ros.excitation.design import (
+    DesignSettings,
+    ExcitationCost,
+    condition_numbers,
+    design_excitation,
+    predict_parameters,
+)
 from idim_iv_ros.excitation.limits import motion_limits, moving_frames
+from idim_iv_ros.excitation.trajectory import FourierBasis
 from tests.excitation.conftest import FLOOR, SETTINGS
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree, lowest, torques
 

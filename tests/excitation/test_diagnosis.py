@@ -5,8 +5,7 @@ import pytest
 
 from idim_iv_ros.effects.registry import EFFECTS as CATALOGUE
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.excitation.diagnosis import design_diagnosis, loop_bandwidth
-from idim_iv_ros.excitation.segments import EFFECTS, NOT_REVEALED
+from idim_iv_ros.excitation.diagnosis import EFFECTS, NOT_REVEALED, design_diagnosis, loop_bandwidth
 from tests.excitation.independent import assert_limits_hold, assert_signals_agree
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import UsageError
+from idim_iv_ros.excitation.excite import passes_of, plan_passes, slowed, stop
 from idim_iv_ros.excitation.limits import MotionLimits
-from idim_iv_ros.excitation.passes import passes_of, plan_passes, slowed, stop
 
 ARM2 = Path(__file__).resolve().parents[2] / "config" / "arm2.yaml"
 

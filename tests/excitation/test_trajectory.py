@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.excitation.files import write_joint_trajectory
+from idim_iv_ros.excitation.excite import write_joint_trajectory
 from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory, write_csv
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

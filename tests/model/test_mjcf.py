@@ -17,7 +17,7 @@ from idim_iv_ros.model import (
     read_urdf_file,
 )
 from idim_iv_ros.model.mjcf import mjcf_as_urdf
-from idim_iv_ros.model.urdf_reader import description_key
+from idim_iv_ros.model.urdf import description_key
 from tests.model.mjcf_robots import ARMS, XARM7
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"

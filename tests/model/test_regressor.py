@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 from idim_iv_ros.model import StandardRegressor, find_base_parameters, load_robot, parameter_layout
+from idim_iv_ros.model.link_motion import skeleton
 from idim_iv_ros.model.parameters import unit_at
-from idim_iv_ros.model.skeleton import skeleton
 
 LINK = (
     '<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com}"/>'

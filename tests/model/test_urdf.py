@@ -11,8 +11,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.limits import moving_frames
 from idim_iv_ros.model import build_inverse_model, load_robot
-from idim_iv_ros.model.urdf import MOVABLE, judge_urdf
-from idim_iv_ros.model.urdf_reader import read_urdf_text
+from idim_iv_ros.model.urdf import MOVABLE, judge_urdf, read_urdf_text
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.model.test_regressor import arm, states
 

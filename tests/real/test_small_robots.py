@@ -5,11 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.servos import sts3215
+from benchmarks.servos import sts3215, with_load
 from idim_iv_ros import identify, load_configuration
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.servo.fit import fit_factor
-from idim_iv_ros.servo.robot_fit import fit_joint
+from idim_iv_ros.servo.fit import fit_factor, fit_joint
 from tests.real.conftest import DATA, require_bodies
 from tests.real.recordings import double_pendulum_bag
 
@@ -81,7 +80,7 @@ def test_masses_of_runs_that_were_not_used():
     }
     answer = fit_joint([run for name, run in runs.items() if "0.535" in name])
     factors = np.array(
-        [fit_factor(run, answer, "load")[0] for n, run in runs.items() if "0.969" in n]
+        [fit_factor(with_load(run), answer)[0] for n, run in runs.items() if "0.969" in n]
     )
     assert len(factors) == 4
     np.testing.assert_allclose(factors, 1.0, atol=0.05)

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.servos import URDF, mujoco_servo
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
-from idim_iv_ros.servo.robot_fit import Motion
+from idim_iv_ros.servo.fit import Motion
 
 
 @pytest.fixture(scope="session")

@@ -5,12 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.servos import LENGTH, LIMIT, MASS, TRUTH, URDF, mujoco_servo
+from benchmarks.servos import (
+    LENGTH,
+    LIMIT,
+    MASS,
+    TRUTH,
+    URDF,
+    mujoco_servo,
+    with_gain,
+    with_load,
+)
 from idim_iv_ros.model.robot import load_robot
-from idim_iv_ros.servo.fit import fit_factor, ordinary_least_squares
+from idim_iv_ros.servo.fit import fit_factor, fit_servos, ordinary_least_squares
+from idim_iv_ros.servo.identify import absolute_numbers, is_absolute, ratio_numbers
 from idim_iv_ros.servo.loop_kernel import Drive
-from idim_iv_ros.servo.numbers import absolute_numbers, is_absolute, ratio_numbers
-from idim_iv_ros.servo.robot_fit import fit_servos
 
 TRUE = TRUTH | {"torque limit": LIMIT}
 
@@ -63,10 +71,12 @@ def test_least_squares_on_measured_motion_is_biased(fitted):
     assert plain.inertia / plain.compliance < 0.95 * TRUE["armature"]
 
 
-@pytest.mark.parametrize(("gain", "kind", "expected"), [(2.0, "gain", 0.5), (1.0, "load", 1.0)])
+@pytest.mark.parametrize(
+    ("gain", "kind", "expected"), [(2.0, with_gain, 0.5), (1.0, with_load, 1.0)]
+)
 def test_gain_or_load_of_a_run_is_told(fitted, gain, kind, expected):
     runs, answer = fitted
-    factor, std = fit_factor(replace(runs[0], gain=gain), answer, kind)
+    factor, std = fit_factor(kind(replace(runs[0], gain=gain)), answer)
     assert factor == pytest.approx(expected, abs=max(3.0 * std, 0.01))
 
 

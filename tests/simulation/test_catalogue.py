@@ -27,7 +27,7 @@ from idim_iv_ros.effects.time_delay import DelayShape
 from idim_iv_ros.effects.torque_saturation import KneeShape
 from idim_iv_ros.effects.waves import Waves
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from tests.diagnosis.motions import smooth_motion
 from tests.simulation.laws import followed
 
@@ -68,8 +68,8 @@ def test_each_effect_is_compared():
 @pytest.mark.parametrize("effect", PARAMETRIC, ids=lambda effect: effect.name)
 def test_simulator_knows_the_parameters_that_may_be_in_error(effect):
     """As an effect, or as what the base parameters hold."""
-    completed = joint_effects([SimulatedEffect(effect.name, None, {})], JOINTS)
-    assert bool(completed) != effect.in_base_parameters
+    completed = contributions_of([SimulatedEffect(effect.name, None, {})], JOINTS)
+    assert bool(completed.items) != effect.in_base_parameters
 
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text()

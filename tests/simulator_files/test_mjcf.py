@@ -10,7 +10,7 @@ import pytest
 
 from idim_iv_ros.model import load_robot
 from idim_iv_ros.simulation import SimulatedEffect, control_law
-from idim_iv_ros.simulation.effects import joint_effects
+from idim_iv_ros.simulation.effects import contributions_of
 from tests.simulator_files.cases import Case, case, cause
 
 
@@ -158,7 +158,7 @@ def test_what_mujoco_has_no_element_for_is_in_the_file_as_simulate_takes_it(tmp_
     planted, *_ = json.loads(made.effects.read_text())["effects"]
     assert planted["parameters"] == numbers and not planted["native"]
     one = SimulatedEffect(planted["effect"], planted["joint"], planted["parameters"])
-    assert joint_effects([one], ["joint_1", "joint_2"])
+    assert contributions_of([one], ["joint_1", "joint_2"]).items
 
 
 def test_friction_below_zero_that_an_effect_makes_up_for_is_an_effect_too(tmp_path: Path) -> None:

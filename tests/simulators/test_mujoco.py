@@ -14,9 +14,16 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.simulation import SimulatedEffect
-from idim_iv_ros.simulators.mujoco import STIFFEST, Effects, model_with_effects
+from idim_iv_ros.simulators.mujoco import (
+    STIFFEST,
+    Effects,
+    add_motors,
+    add_parts,
+    model_with_effects,
+    plant_spec,
+    set_inertias,
+)
 from idim_iv_ros.simulators.mujoco_loop import LONGEST_STEP, References, run_in_mujoco
-from idim_iv_ros.simulators.mujoco_parts import add_motors, add_parts, plant_spec, set_inertias
 from tests.simulation.laws import followed
 from tests.simulation.test_effects import FORMULAS
 

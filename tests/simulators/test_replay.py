@@ -22,7 +22,7 @@ from idim_iv_ros.report.replay import shrinkage, steps
 from idim_iv_ros.report.section import Files
 from idim_iv_ros.simulation import SimulatedEffect, inverse_dynamics, record_simulated_robot
 from idim_iv_ros.simulator_files.export import Exported
-from idim_iv_ros.simulators.mujoco_parts import (
+from idim_iv_ros.simulators.mujoco import (
     add_motors,
     nearest_parameters,
     plant_spec,

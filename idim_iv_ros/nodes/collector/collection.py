@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros.errors import DataError, IdimError, UsageError, one_line
-from idim_iv_ros.excitation.passes import Kind, Passes, passes_of, plan_passes
+from idim_iv_ros.excitation.excite import Kind, Passes, passes_of, plan_passes
 from idim_iv_ros.identification.check import CheckReport, check
 from idim_iv_ros.nodes.collector.following import STANDING, STILL, Course, Follower, Say
 from idim_iv_ros.nodes.collector.neighbours import (

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from idim_iv_ros.errors import DataError, IdimError, UsageError
-from idim_iv_ros.excitation.passes import Passes, stop
+from idim_iv_ros.excitation.excite import Passes, stop
 from idim_iv_ros.excitation.trajectory import Trajectory
 from idim_iv_ros.nodes.collector.neighbours import LOOK, Controller
 from idim_iv_ros.nodes.entry import Result, in_thread

@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.cause import surest
-from idim_iv_ros.excitation.segments import separating_motion
+from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.advice import (
     FAMILIES,
