@@ -232,14 +232,6 @@ def transmission(measured: Transmission, effect: str = "") -> str:
     return f"{what}: {text}; the link is read {size} {late}, which is no elasticity"
 
 
-def refuted(measured: Transmission, effect: str) -> str:
-    """Which effect on the torque the encoder behind the gear excludes."""
-    return (
-        f"on the torque alone an {effect} at {measured.joint} would help; the encoder behind the "
-        f"gear excludes one of that size ({transmission(measured)})"
-    )
-
-
 def remaining_parameter_errors(
     data: Baseline, errors: Sequence[ParameterError], hints: Sequence[Hint]
 ) -> str:

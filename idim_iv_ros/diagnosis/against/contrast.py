@@ -1,39 +1,51 @@
 """What changed between two sets of recordings: the whole of `diagnose --against`."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.against.causes import (
-    WHERE,
-    delay_causes,
-    law_causes,
-    parametric_causes,
-    scaled_alike,
-    side_of,
-    structural_causes,
-    torques_of,
-)
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
+    NumberChange,
     changes_between,
     number_changes,
     quarters,
+    rms_of,
 )
 from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
+from idim_iv_ros.diagnosis.answer.causes import rivals_of
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
+from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
 from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
-from idim_iv_ros.diagnosis.result.recordings import ContrastResult, JointContrast
-from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
-from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.diagnosis.result.causes import Evidence
+from idim_iv_ros.diagnosis.result.recordings import (
+    ContrastCause,
+    ContrastResult,
+    JointContrast,
+    JointTorque,
+)
+from idim_iv_ros.diagnosis.sentences import (
+    capitalised,
+    listed_numbers,
+    or_else,
+    placed,
+    spaced,
+    torque,
+    with_interval,
+)
+from idim_iv_ros.effects.cause import EffectParameter, Parameters
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, name_of
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.types import FloatArray
+
+_WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
 
 def contrasted(
@@ -60,25 +72,23 @@ def contrasted(
 
 def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> ContrastResult:
     """Build the document from the terms that act in some recordings only."""
-    data, against = sets.data, sets.bags(sets.second)
+    data, against, names = sets.data, sets.bags(sets.second), sets.data.joints
     numbers = number_changes(changes)
-    law, why_no_law = law_causes(sets, without)
-    shifts = {name: refit.shift.common for name, refit in zip(WHERE, sets.refits, strict=True)}
-    delay = delay_causes(sets, shifts)
-    parametric = parametric_causes(sets, changes, numbers)
-    law = [cause for cause in law if not scaled_alike(cause, parametric)]
-    causes = [*structural_causes(sets, changes), *parametric, *law, *delay]
+    law, why_no_law = _law_causes(sets, without)
+    shifts = {name: refit.shift.common for name, refit in zip(_WHERE, sets.refits, strict=True)}
+    delay = _delay_causes(sets, shifts)
+    parametric = _parametric_causes(sets, changes, numbers)
+    law = [cause for cause in law if not _scaled_alike(cause, parametric)]
+    causes = [*_structural_causes(sets, changes), *parametric, *law, *delay]
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = tuple(
         _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE
     )
     joints, of_reference = _joints(sets, changes)
-    compared = [joint for joint in range(len(data.joints)) if joint not in sets.not_compared]
-    least = settings.LEAST_NONPARAMETRIC * sets.sizes[compared]
+    least = settings.LEAST_NONPARAMETRIC * np.delete(sets.sizes, list(sets.not_compared))
     unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
-    names = data.joints
     not_compared = tuple(
-        f"{names[n]} is not compared: {why}" for n, why in sets.not_compared.items()
+        f"{names[joint]} is not compared: {why}" for joint, why in sets.not_compared.items()
     )
     differs = bool(causes or unattributed or unexplained) or (None if not_compared else False)
     if differs:
@@ -96,7 +106,7 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
     notes = [
         "" if delay else _shift(shifts),
         *(
-            f"{name}: {refit.turning.sentence(data.joints)}"
+            f"{name}: {refit.turning.sentence(names)}"
             for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
             if refit.turning.soft
         ),
@@ -120,6 +130,226 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
         effort_shift=shifts,
         notes=tuple(note for note in notes if note),
     )
+
+
+def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
+    """One cause of every effect that one set has, or that the sets have otherwise."""
+    data, space, made = sets.data, changes.selection.catalogue.space, []
+    places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
+    for term in changes.accepted:
+        if term.is_effect:
+            places.setdefault(term.key[:3], {})[_side_of(sets, term)] = term
+    for place, sides in sorted(places.items(), key=lambda item: item[0]):
+        terms = list(sides.values())
+        one, other = (
+            data.in_units_at(term.place.joint, term.parameters(space)) if term else {}
+            for term in map(sides.get, _WHERE)
+        )
+        joints = [data.joints[joint] for joint in terms[0].place.joints]
+        text = f"{spaced(place[0])} at {' and '.join(joints)}"
+        said, said_other = (listed_numbers(place[0], of_set) for of_set in (one, other))
+        change = "changed"
+        if one and other:
+            text += f" changed: {said} in the reference, {said_other} in the second set"
+        elif any(term.key[:3] == place for term in changes.common):
+            more = "reference recordings" if one else "second set"
+            text += f" changed: more of it in the {more} ({said or said_other})"
+        else:
+            change = "appeared" if other else "vanished"
+            text += f" {_WHERE['reference' if one else 'against']}: {said or said_other}"
+        fields: dict[str, Any] = {"numbers": (one, other), "change": change, "joint": joints[0]}
+        if len(joints) > 1:
+            fields["other_joint"] = joints[1]
+        made.append(_of_terms(sets, changes, terms, text, **fields))
+    return made
+
+
+def _parametric_causes(
+    sets: TwoSets, changes: Changes, numbers: Sequence[NumberChange]
+) -> list[ContrastCause]:
+    """One cause of all numbers of an effect that changed, with its recordings where they differ."""
+    several = len({change.recordings for change in numbers}) > 1
+    made = []
+    for number in numbers:
+        joint, parameters, bags = number.joint, number.parameters, sets.bags(number.recordings)
+        effect, name, place = number.effect.name, None, ""
+        if joint is not None:
+            name, parameters = sets.data.joints[joint], sets.data.in_units_at(joint, parameters)
+            place = f" of {name}{number.effect.which(joint)}"
+        text = (
+            f"{', '.join(bags) + ': ' if several else ''}{spaced(effect)}{place} "
+            f"changed, second set less reference: {listed_numbers(effect, parameters)}"
+        )
+        more = {"kind": "parametric", "joint": name, "bags": bags, "parameters": parameters}
+        made.append(_of_terms(sets, changes, number.terms, text, number.recordings, **more))
+    return made
+
+
+def _law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCause], str]:
+    """Compare the law that each set shows; and why not, where they cannot be compared.
+
+    The configured law is only the form: what both sets have otherwise than configured cancels.
+    """
+    if CONTROL_LAW.name in without:
+        return [], ""
+    for refit, name in zip(sets.refits, ("reference", "second set"), strict=True):
+        reason = why_not_checked(refit.data)
+        if reason:
+            return [], f"the control laws of the sets were not compared: {reason} ({name})"
+    (commands, _, first), (_, _, second) = (shown_law(refit.data) for refit in sets.refits)
+    causes = []
+    for joint in sorted(set(first) & set(second) - set(sets.not_compared)):
+        rows = first[joint].every.followed_by(second[joint].every)
+        shown = law_change(rows)
+        differing = [term for term in shown.terms if term.key.scope]
+        if not differing:
+            continue
+        groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
+        command = np.zeros(len(rows.rest))
+        for term in differing:
+            name, value = term.key.effect, float(term.coefficients[0])
+            common, std = shown.changes.get(name, (0.0, 0.0))
+            groups[0][name] = common, std
+            groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))
+            command += value * rows.groups[name]
+        one, other = (
+            sets.data.in_units_at(joint, CONTROL_LAW.parameters(commands.law, joint, group))
+            for group in groups
+        )
+        # What the change makes on the second set's motion.
+        size = float(np.std(command[rows.second]))
+        made = JointTorque(sets.data.joints[joint], size, size / float(sets.sizes[joint]))
+        changed = ", ".join(
+            f"{spaced(name)} from {with_interval(one[name])} to {with_interval(number)}"
+            for name, number in other.items()
+        )
+        causes.append(
+            _cause(
+                sets,
+                CONTROL_LAW.name,
+                (one, other),
+                evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
+                joint=made.joint,
+                torques=(made,),
+                sentence=f"control law of {made.joint} changed: {changed} "
+                f"({100.0 * made.share_of_torque:.3g} % of its torque)",
+            )
+        )
+    return causes, ""
+
+
+def _scaled_alike(law: ContrastCause, numbers: Sequence[ContrastCause]) -> bool:
+    """Whether the torque gain of a joint explains its change of law.
+
+    A gain of what is recorded changes all commands by its inverse: then both are one cause.
+    """
+    for cause in numbers:
+        factor = cause.parameters.get("factor")
+        if factor is None or cause.joint != law.joint or cause.kind != "parametric":
+            continue
+        if BY_NAME[cause.effect].part == "torque scale":
+            return bool(law.against) and all(
+                abs(factor.value * other.value - law.reference[name].value)
+                < settings.NORMAL_95
+                * np.hypot(factor.value * (other.std or 0.0), (factor.std or 0.0) * other.value)
+                for name, other in law.against.items()
+            )
+    return False
+
+
+def _delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:
+    """A shift of the effort that changed by more than recording makes of it."""
+    numbers = {"delay": shifts["reference"]}, {"delay": shifts["against"]}
+    delay = _difference(numbers[1], numbers[0])["delay"]
+    period = max(refit.shift.period for refit in sets.refits)
+    if delay.std is None or abs(delay.value) < max(
+        settings.CONTRAST_LEAST_DELAY * period, settings.CLEAR_DEVIATIONS * delay.std
+    ):
+        return []
+    sentence = (
+        f"the effort acts {1e3 * abs(delay.value):.2f} ± "
+        f"{1e3 * settings.NORMAL_95 * delay.std:.2g} ms "
+        f"{'later' if delay.value > 0.0 else 'earlier'} in the second set, at all joints"
+    )
+    evidence = Evidence((delay.value / delay.std) ** 2)
+    return [_cause(sets, name_of("delay"), numbers, evidence=evidence, sentence=sentence)]
+
+
+def _of_terms(
+    sets: TwoSets,
+    changes: Changes,
+    terms: Sequence[Term],
+    text: str,
+    recordings: frozenset[int] | None = None,
+    **fields: Any,
+) -> ContrastCause:
+    """A cause that terms of the search are; `text`: what changed, without its torques."""
+    torques = _torques_of(sets, terms, recordings)
+    listed = ", ".join(
+        f"{torque(sets.data, made.rms, made.joint)} at {made.joint} "
+        f"({100.0 * made.share_of_torque:.3g} % of its torque)"
+        for made in torques
+    )
+    others = rivals_of(sets.data.joints, terms)
+    statistic = sum(max(2.0 * term.evidence, 0.0) for term in terms)
+    times = min(changes.accepted[term] for term in terms)
+    return _cause(
+        sets,
+        terms[0].key.effect,
+        evidence=Evidence(statistic, chosen_in_folds=times),
+        indistinguishable_from=others,
+        torques=torques,
+        sentence=f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
+        **fields,
+    )
+
+
+def _cause(
+    sets: TwoSets, effect: str, numbers: tuple[Parameters, Parameters] = ({}, {}), **fields: Any
+) -> ContrastCause:
+    """A cause with its numbers in the reference and in the second set, where they are known."""
+    one, other = numbers
+    usual = {
+        "kind": "structural",
+        "joint": None,
+        "change": "changed",
+        "bags": sets.bags(sets.second),
+        "parameters": _difference(other, one) if one and other else other or one,
+    }
+    return ContrastCause(effect=effect, reference=one, against=other, **{**usual, **fields})
+
+
+def _difference(against: Parameters, reference: Parameters) -> Parameters:
+    """Second set less reference, of the numbers that both have; no deviation unless both have."""
+    made = {}
+    for name in [name for name in against if name in reference]:
+        other, one = against[name], reference[name]
+        determined = one.std is not None and other.std is not None
+        std = float(np.hypot(one.std or 0.0, other.std or 0.0)) if determined else None
+        made[name] = EffectParameter(other.value - one.value, std, other.unit)
+    return made
+
+
+def _side_of(sets: TwoSets, term: Term) -> str:
+    """The set whose recordings a term acts in: ``reference`` or ``against``."""
+    return "against" if (term.candidate.scope or sets.first) <= sets.second else "reference"
+
+
+def _torques_of(
+    sets: TwoSets, terms: Sequence[Term], recordings: frozenset[int] | None = None
+) -> tuple[JointTorque, ...]:
+    """RMS of their torque in the recordings where they act, at joints where it matters."""
+    data, place = sets.data, terms[0].candidate.place
+    inside = recordings or frozenset().union(*(t.candidate.scope for t in terms))
+    first = None if place is None else data.joints[place.joint]
+    sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
+    made = [
+        JointTorque(name, float(rms), float(rms / size))
+        for joint, (name, rms, size) in enumerate(sizes)
+        if joint not in sets.not_compared
+        and (name == first or rms >= settings.LEAST_NONPARAMETRIC * size)
+    ]
+    return tuple(sorted(made, key=lambda one: (one.joint != first, -one.share_of_torque)))
 
 
 def _no_difference(
@@ -199,11 +429,11 @@ def _shift(shifts: Mapping[str, EffectParameter]) -> str:
 
 def _unattributed(sets: TwoSets, term: Term) -> str:
     """A difference outside the catalogue."""
-    effect, made = term.candidate.effect, torques_of(sets, [term])[0]
+    effect, made = term.candidate.effect, _torques_of(sets, [term])[0]
     assert isinstance(effect, Nonparametric)
     return (
         f"the recordings differ at {made.joint} by {torque(sets.data, made.rms, made.joint)}, a "
-        f"torque that {effect.words}, {WHERE[side_of(sets, term)]}; nothing in the catalogue "
+        f"torque that {effect.words}, {_WHERE[_side_of(sets, term)]}; nothing in the catalogue "
         "explains it"
     )
 
@@ -272,7 +502,7 @@ def _moved(sets: TwoSets, term: Term) -> dict[int, FloatArray]:
     sign = 1.0
     if not term.candidate.scope:
         return {}
-    if side_of(sets, term) == "reference":
+    if _side_of(sets, term) == "reference":
         if term.candidate.kind is Kind.NUMBER:
             return {}
         (columns,) = rows_of(sets.data, term.effect, term.place, [term.shape])
