@@ -191,7 +191,8 @@ def _cause(data: Baseline, transmission: Measured, part: Part) -> Cause:
     named = {"gap": gap, "stiffness": stiffness, "damping": damping}
     before = after = data.regression.fitted
     if stiffness is not None:
-        damped, play = damping and damping.value, 0.0 if gap is None else gap.value
+        damped = None if damping is None else damping.value
+        play = 0.0 if gap is None else gap.value
         elastic = _without_twist(data, joint, stiffness.value, damped, play)
         after = elastic.fit(before.noise_models, steps=0)
     one, two = (rms(fitted.residuals[joint]) for fitted in (before, after))
