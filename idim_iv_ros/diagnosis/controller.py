@@ -7,7 +7,6 @@ errors of the recording with their likely sizes, its candidates the groups of th
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -30,8 +29,8 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     LawSpeed,
     away_from_events,
     events_in,
+    law_speed,
 )
-from idim_iv_ros.diagnosis.refit.law_speed import law_speed
 from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
 from idim_iv_ros.effects.cause import EffectParameter, Parameters
@@ -41,7 +40,6 @@ from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 _ON_TIME = EffectParameter(0.0, 0.0, "s")
-_NO_JOINTS: Mapping[str, EffectParameter] = MappingProxyType({})
 _SAME_NUMBER = 0.1  # relative: what instruments change of it is a detail of the law
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
@@ -149,7 +147,7 @@ def law_change(every: CommandRows) -> LawChange:
     rows = every
     # A pulse is plain where the law holds, and where it does not beside what all groups leave.
     for more in ([], [rows.errors, *rows.groups.values()]):
-        rest = independent_basis(np.column_stack([rows.constants, *more])).remove(rows.rest)
+        rest = rows.beside(*more)
         if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():
@@ -227,7 +225,7 @@ def check_law(
     without: Collection[str] = (),
     *,
     shift: EffectParameter = _ON_TIME,
-    of_joints: Mapping[str, EffectParameter] = _NO_JOINTS,
+    of_joints: Mapping[str, EffectParameter] | None = None,
 ) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
@@ -257,7 +255,7 @@ def check_law(
     longest, shared = _shared_lag(commands, followed, max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
     for joint, change in joints.items():
-        theirs = of_joints.get(data.joints[joint], shift)
+        theirs = (of_joints or {}).get(data.joints[joint], shift)
         behind = max(shift.value - theirs.value, 0.0)
         behind += settings.CLEAR_DEVIATIONS * (theirs.std or 0.0) if behind > 0.0 else 0.0
         changes, cause = _cause(data, commands.law, joint, change, longest + behind)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
-from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
-from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, with_law_speed
 from idim_iv_ros.diagnosis.refit.processing import proposals
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, dynamics_of, smooth_motions
 from idim_iv_ros.diagnosis.result.causes import JointChange
