@@ -243,11 +243,13 @@ def check_law(
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
     commands, speed, joints = shown_law(data)
-    longest_lag = settings.LONGEST_LAG * commands.period
-    usual = longest_lag + data.prepared.configuration.controller.delay - shift.value
+    law, period = commands.law, commands.period
+    configured = data.prepared.configuration.controller.delay
+    longest_lag = settings.LONGEST_LAG * period
+    usual = longest_lag + configured - shift.value
     joints = {
         joint: change
-        if _is_possible(CONTROL_LAW.parameters(commands.law, joint, change.changes))
+        if _is_possible(CONTROL_LAW.parameters(law, joint, change.changes))
         else replace(change, terms=())
         for joint, change in joints.items()
     }
@@ -258,25 +260,29 @@ def check_law(
         theirs = (of_joints or {}).get(data.joints[joint], shift)
         behind = max(shift.value - theirs.value, 0.0)
         behind += settings.CLEAR_DEVIATIONS * (theirs.std or 0.0) if behind > 0.0 else 0.0
-        changes, cause = _cause(data, commands.law, joint, change, longest + behind)
+        changes, cause = _cause(data, law, joint, change, longest + behind)
         if cause is not None:
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:
             gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
         if not change.is_followed:
             rest, rows = change.beyond, change.every
-            sizes = rms(rest), rows.size
             events = events_in(rest, rows.recording, rows.time)
-            beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
+            beyond.append(sentences.beyond_the_law(data, joint, rms(rest), rows.size, events))
     delay: tuple[Cause, ...] = ()
     if shared is not None:
-        configured = data.prepared.configuration.controller.delay
         std = float(np.hypot(shared.std or 0.0, shift.std or 0.0))
         late = EffectParameter(shared.value + shift.value - configured, std, "s")
-        if is_beyond_control(late.value, std, commands.period):
+        if is_beyond_control(late.value, std, period):
             before = [change.left_of_lag(max(usual, 0.0)) for change in followed]
             after = [change.before for change in followed]
-            said = sentences.commands_late(late, shared.value, commands.period)
+            said = (
+                f"time delay of all joints: efforts act {1e3 * late.value:.2g} ± "
+                f"{1e3 * settings.NORMAL_95 * std:.2g} ms "
+                f"({late.value / period:.2g} control periods) after the configured law gives them "
+                f"from the recorded motion, and are recorded {1e3 * shared.value:.2g} ms after it: "
+                "the loop takes that long, or a filter is in it"
+            )
             delay = (delay_of_all(late, before, after, said),)
     noisy = tuple(data.joints[joint] for joint, change in joints.items() if change.too_noisy)
     return LawCheck(tuple(causes), gains, speed, tuple(beyond), delay, noisy)
@@ -353,13 +359,19 @@ def _cause(
     # integral that winds up where the torque is limited, a reference of another controller.
     if after >= min(before, change.every.size):
         return {}, None
-    cause = Cause(
+    name, numbers = data.joints[joint], CONTROL_LAW.parameters(law, joint, changes)
+    parameters = data.in_units_at(joint, numbers)
+    sentence = (
+        f"another control law than configured at {name}: recorded and computed commands differ by "
+        f"{sentences.torque(data, before, name)}, and by {sentences.torque(data, after, name)} "
+        f"with {sentences.listed_numbers(CONTROL_LAW.name, parameters)}"
+    )
+    return changes, Cause(
         effect=CONTROL_LAW.name,
         kind="structural",
-        joint=data.joints[joint],
-        sentence="",
-        parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
+        joint=name,
+        sentence=sentence,
+        parameters=parameters,
         evidence=Evidence(statistic),
         torque_gap=Gap.between(before, after),
     )
-    return changes, replace(cause, sentence=sentences.controller_cause(data, cause))

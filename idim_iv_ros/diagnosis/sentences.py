@@ -148,39 +148,13 @@ def reversals(configuration: Configuration, data: Baseline) -> str:
     )
 
 
-def controller_cause(data: Baseline, cause: Cause) -> str:
-    """Commands that are not those of the configured law, and with which law they are."""
-    assert cause.joint is not None
-    gap = cause.torque_gap
-    return (
-        f"another control law than configured at {cause.joint}: recorded and computed commands "
-        f"differ by {torque(data, gap.before, cause.joint)}, and by "
-        f"{torque(data, gap.after, cause.joint)} with "
-        f"{listed_numbers(cause.effect, cause.parameters)}"
-    )
-
-
-def commands_late(delay: EffectParameter, recorded: float, period: float) -> str:
-    """Torque that acts later than a control of this period (s) makes it, `recorded` on the way."""
-    assert delay.std is not None
-    half = 1e3 * settings.NORMAL_95 * delay.std
-    return (
-        f"time delay of all joints: efforts act {1e3 * delay.value:.2g} ± {half:.2g} ms "
-        f"({delay.value / period:.2g} control periods) after the configured law gives them from "
-        f"the recorded motion, and are recorded {1e3 * recorded:.2g} ms after it: the loop takes "
-        "that long, or a filter is in it"
-    )
-
-
 def beyond_the_law(
-    data: Baseline, joint: int, sizes: tuple[float, float], events: Sequence[LawEvent]
+    data: Baseline, joint: int, beyond: float, command: float, events: Sequence[LawEvent]
 ) -> str:
-    """What a joint's commands hold beyond the law and its changes.
+    """What a joint's commands hold `beyond` the law and its changes, rms, N m (N).
 
-    `sizes`: RMS of that and of the command, N m (N). `events`: the largest first; empty where it
-    acts all the time.
+    `command`: rms of the command. `events`: the largest first; empty where it acts all the time.
     """
-    beyond, command = sizes
     unit = data.unit_at(joint, "N m")
     text = (
         f"the commands of {data.joints[joint]} hold {beyond:.3g} {unit} rms "

@@ -14,8 +14,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.likelihood import rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, refit_of
-from idim_iv_ros.diagnosis.refit.processing import proposals
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, proposals, refit_of
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare
 from idim_iv_ros.identification.sanity import ANOTHER_UNIT, in_smaller_units
