@@ -177,9 +177,15 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     early = on_likelier_motion(data)
     if not early.shift.beyond_control:
         return early
-    if data.sticking and not _shown_by_both_motions(data):
-        early = replace(early, data=early.data.later(0.0), shift=early.shift.undetermined)
-        return replace(early, answers_noise=True)
+    if data.sticking:
+        # A loop answers to the steps of coarse encoders, which are in the measured motion and in
+        # the command: that looks late, by another time in the measured and the simulated motion.
+        first, second = (aligned(motion)[1].common for motion in (data, _on_measured(data)))
+        unsure = float(np.hypot(first.std or 0.0, second.std or 0.0))  # of the same torque's noise
+        room = settings.SHIFT_AGREEMENT * max(early.shift.period, abs(first.value))
+        if abs(first.value - second.value) > unsure + room:
+            early = replace(early, data=early.data.later(0.0), shift=early.shift.undetermined)
+            return replace(early, answers_noise=True)
     delay, prepared, support = early.shift.common.value, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
@@ -192,7 +198,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     if name_of("delay") in without or not shift.beyond_control:
         return refit
     before, after = (
-        [float(np.std(residual)) for residual in one.regression.fitted.residuals]
+        [np.std(residual).item() for residual in one.regression.fitted.residuals]
         for one in (data, refit.data)
     )
     return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
@@ -208,19 +214,6 @@ def on_likelier_motion(data: Baseline) -> Refit:
     if not data.sticking:
         return joined
     return max(joined, _with_friction(_on_measured(data)), key=_likelihood)
-
-
-def _shown_by_both_motions(data: Baseline) -> bool:
-    """Whether the measured and the simulated motion show the same shift of the effort.
-
-    A loop answers to the steps of coarse encoders, which are in the measured motion and in the
-    command: that looks late, by another time in either.
-    """
-    shifts = [aligned(one)[1] for one in (data, _on_measured(data))]
-    first, second = (shift.common for shift in shifts)
-    unsure = float(np.hypot(first.std or 0.0, second.std or 0.0))  # of the same torque's noise
-    apart = abs(first.value - second.value)
-    return apart <= unsure + settings.SHIFT_AGREEMENT * max(shifts[0].period, abs(first.value))
 
 
 def _on_measured(data: Baseline) -> Baseline:

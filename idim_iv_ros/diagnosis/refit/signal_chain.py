@@ -14,7 +14,6 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange
 from idim_iv_ros.diagnosis.result.recordings import SignalChain
 from idim_iv_ros.effects.cause import EffectParameter
@@ -92,24 +91,22 @@ class EffortShift:
     @property
     def sentence(self) -> str:
         """Say it with its size in periods of the control."""
-        shift, others = self.common.value, self.chain.differing
+        shift = self.common.value
         if self.common.std is None:
             return "the effort's common shift in time cannot be determined on this recording"
         half = 1e3 * settings.NORMAL_95 * self.common.std
         text = (
-            f"the effort is recorded {1e3 * abs(shift):.3f} ± {half:.2g} ms {_when(shift)} "
+            f"the effort is recorded {1e3 * abs(shift):.3f} ± {half:.2g} ms "
+            f"{'before' if shift >= 0.0 else 'after'} it acts "
             f"({abs(self.chain.periods):.2f} control periods), and aligned by that"
         )
         if shift >= 0.0:
             text += ": a command that is held over its period acts half a period late"
-        shifts = [(name, self.chain.joint_shifts[name].value) for name in others]
-        return text + "".join(
-            f"; that of {name} {1e3 * abs(value):.3g} ms {_when(value)}" for name, value in shifts
-        )
-
-
-def _when(shift: float) -> str:
-    return "before it acts" if shift >= 0.0 else "after it acts"
+        for name in self.chain.differing:
+            value = self.chain.joint_shifts[name].value
+            when = "before" if value >= 0.0 else "after"
+            text += f"; that of {name} {1e3 * abs(value):.3g} ms {when} it acts"
+        return text
 
 
 def is_beyond_control(delay: float, std: float, period: float) -> bool:
@@ -149,35 +146,26 @@ def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
     """
     controller = data.prepared.configuration.controller
     period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
-    # Of a single joint nothing tells which of the two it is.
+    # Of a single joint nothing tells which of the two it is. Without these columns a Stribeck curve
+    # looks late: the torque is higher after a reversal than before.
     falling = _FALLING if len(data.joints) > 1 else ()
-    rates = [
-        {joint: data.decimated(joint, [_late(motion, joint, falling) for motion in data.motions])}
-        for joint in range(len(data.joints))
-    ]
-    shifted = data
+    columns = []
+    for joint in range(len(data.joints)):
+        parts = []
+        for motion in data.motions:
+            rate = np.gradient(motion.torque[:, joint], 1.0 / motion.rate)
+            speed, slip = np.abs(motion.velocity[:, joint]), motion.slip[:, joint]
+            falls = speed / max(float(speed.max()), 1e-300)
+            parts.append(np.column_stack([rate, *(slip * np.exp(-falls / f) for f in falling)]))
+        columns.append({joint: data.decimated(joint, parts)})
+    shifted, first = data, slice(None, None, 1 + len(falling))
     for _ in range(_SHIFT_STEPS):
-        fit = shifted.regression.with_columns(*rates).fit()
+        fit = shifted.regression.with_columns(*columns).fit()
         deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
-        first = slice(None, None, 1 + len(falling))
         shifts = shifted.shift + fit.coefficients[first]
         chain = _chain(data.joints, shifts, deviations[first], period)
         shifted = data.later(chain.effort_shift.value)
     return shifted, EffortShift(chain, period, controller.delay)
-
-
-def _late(motion: SmoothMotion, joint: int, shares: Sequence[float]) -> FloatArray:
-    """Columns (s, 1 + k) of one joint: rate of its torque, k frictions that fall with the speed.
-
-    `shares`: of the largest speed, over which they fall.
-
-    Without these a Stribeck curve looks late: the torque is higher after a reversal than before.
-    """
-    rate = np.gradient(motion.torque[:, joint], 1.0 / motion.rate)
-    speed = np.abs(motion.velocity[:, joint])
-    falls = speed / max(float(speed.max()), 1e-300)
-    slip = motion.slip[:, joint]
-    return np.column_stack([rate, *(slip * np.exp(-falls / share) for share in shares)])
 
 
 def _chain(
