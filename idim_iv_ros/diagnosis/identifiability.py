@@ -56,19 +56,26 @@ class Absorption:
         return np.asarray(energy), np.maximum(energy - taken, 0.0)
 
 
-def detectability(
-    absorption: Absorption,
-    effect: Effect,
-    shapes: Sequence[tuple[Shape, Columns]],
-    joint: int,
-    covered: JointRange,
+def _detectability(
+    data: Baseline, absorption: Absorption, effect: Effect, place: Place, made: Made
 ) -> tuple[str, str]:
     """Why the motion does not show an effect, and from which size on it would; empty if it does.
 
-    An effect that shows only from an implausible size on (`Effect.plausible`) is not shown.
-
-    `absorption`: by the refit; `shapes`: some of the effect, each with its columns.
+    An effect that shows only from an implausible size on (`Effect.plausible`) is not shown. A few
+    shapes are tried, from all over the grid, that are possible on the motion.
     """
+    joint, covered = place.joint, data.covered[place.joint]
+    grid = effect.grid(covered)
+    spread = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
+    tried = {grid[k]: made(effect, place, grid[k]) for k in np.unique(spread)} if grid else {}
+    missing = [shape for shape, table in tried.items() if table is None]
+    tried.update(zip(missing, rows_of(data, effect, place, missing), strict=True))
+    shapes = [
+        (shape, table)
+        for shape, table in tried.items()
+        if table is not None
+        and all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
+    ]
     if not shapes:
         return "no shape of it is possible on this motion", ""
     needed, least_absorbed = max(_NONCENTRALITY, _LEAST_SHARE * len(absorption.joints[joint])), 1.0
@@ -172,8 +179,7 @@ def not_shown_by_motion(
             for place in places[:1]:
                 reason, smallest = cannot_show(effect, covered), ""
                 if not reason:
-                    shapes = _shaped(data, effect, place, made)
-                    reason, smallest = detectability(absorption, effect, shapes, joint, covered)
+                    reason, smallest = _detectability(data, absorption, effect, place, made)
                 if reason:
                     needed = _TORQUE if covered.left_out else effect.excitation
                     words = (data.unit_at(joint, text) for text in (reason, needed, smallest))
@@ -189,21 +195,3 @@ def floor_noise_models(fit: Fit, floors: Sequence[NoiseFloor]) -> tuple[Autoregr
         else replace(noise, innovation_variance=floor.sigma**2)
         for noise, floor in zip(fit.noise_models, floors, strict=True)
     )
-
-
-def _shaped(
-    data: Baseline, effect: Effect, place: Place, made: Made
-) -> list[tuple[Shape, Columns]]:
-    """A few shapes from all over the grid that are possible on the motion, with their columns."""
-    grid = effect.grid(data.covered[place.joint])
-    places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
-    shapes = [grid[k] for k in np.unique(places)] if grid else []
-    columns = {shape: made(effect, place, shape) for shape in shapes}
-    missing = [shape for shape, table in columns.items() if table is None]
-    columns.update(zip(missing, rows_of(data, effect, place, missing), strict=True))
-    return [
-        (shape, table)
-        for shape, table in columns.items()
-        if table is not None
-        and all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
-    ]
