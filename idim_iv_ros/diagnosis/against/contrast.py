@@ -43,7 +43,6 @@ from idim_iv_ros.diagnosis.sentences import (
 from idim_iv_ros.effects.cause import EffectParameter, Parameters
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, name_of
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.types import FloatArray
 
 _WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
 
@@ -81,9 +80,16 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
     law = [cause for cause in law if not _scaled_alike(cause, parametric)]
     causes = [*_structural_causes(sets, changes), *parametric, *law, *delay]
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
-    unattributed = tuple(
-        _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE
-    )
+    unattributed = []
+    for term in changes.accepted:
+        effect = term.candidate.effect
+        if isinstance(effect, Nonparametric):
+            made = _torques_of(sets, [term])[0]
+            unattributed.append(
+                f"the recordings differ at {made.joint} by {torque(data, made.rms, made.joint)}, a "
+                f"torque that {effect.words}, {_WHERE[_side_of(sets, term)]}; nothing in the "
+                "catalogue explains it"
+            )
     joints, of_reference = _joints(sets, changes)
     least = settings.LEAST_NONPARAMETRIC * np.delete(sets.sizes, list(sets.not_compared))
     unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
@@ -93,15 +99,28 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
     differs = bool(causes or unattributed or unexplained) or (None if not_compared else False)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
+        parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
+        parts += [f"{capitalised(text)}." for text in said]
+        left = ", ".join(
+            f"at {one.joint} by {torque(data, one.unexplained, one.joint)}" for one in unexplained
+        )
         closest = [f"{_in_words(data, t)} (in {n})" for t, n in changes.doubtful.items() if n]
-        sentence = _changes(data, against, said, unexplained, closest)
+        if left:
+            nothing = "nothing else" if said else "nothing"
+            parts.append(f"The recordings differ {left}; {nothing} in the catalogue explains it.")
+        if left and closest:
+            parts.append(
+                f"Closest comes {', '.join(closest)}, which is not chosen again whenever a part "
+                "of the time is left out."
+            )
+        sentence = " ".join(parts)
     else:
         noisier = {
             joint.joint: level
             for joint, level, size in zip(joints, of_reference, least, strict=True)
             if joint.after**2 - level**2 >= size**2
         }
-        sentence = _no_difference(data, against, joints, noisier)
+        sentence = _no_difference(data, ", ".join(against), joints, noisier)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
     notes = [
         "" if delay else _shift(shifts),
@@ -125,7 +144,7 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
         not_compared=not_compared,
         joints=tuple(joints),
         causes=tuple(causes),
-        unattributed=unattributed,
+        unattributed=tuple(unattributed),
         common=tuple(_in_words(data, t) for t in changes.common if t.candidate.kind in named),
         effort_shift=shifts,
         notes=tuple(note for note in notes if note),
@@ -353,10 +372,7 @@ def _torques_of(
 
 
 def _no_difference(
-    data: Baseline,
-    against: Sequence[str],
-    joints: Sequence[JointContrast],
-    noisier: Mapping[str, float],
+    data: Baseline, named: str, joints: Sequence[JointContrast], noisier: Mapping[str, float]
 ) -> str:
     """That the sets do not differ, and where more is left of the second one.
 
@@ -364,7 +380,6 @@ def _no_difference(
     """
     if not joints:
         return "Nothing could be compared."
-    named = ", ".join(against)
     where = "" if len(joints) == len(data.joints) else f" at {', '.join(j.joint for j in joints)}"
     worst = max(joints, key=lambda joint: joint.after)
     text = (
@@ -386,31 +401,6 @@ def _no_difference(
     return text
 
 
-def _changes(
-    data: Baseline,
-    against: Sequence[str],
-    said: Sequence[str],
-    unexplained: Sequence[JointContrast],
-    closest: Sequence[str],
-) -> str:
-    """In what the sets differ, what is not explained, and what comes closest to explaining it."""
-    parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
-    parts += [f"{capitalised(text)}." for text in said]
-    left = ", ".join(
-        f"at {joint.joint} by {torque(data, joint.unexplained, joint.joint)}"
-        for joint in unexplained
-    )
-    if left:
-        nothing = "nothing else" if said else "nothing"
-        parts.append(f"The recordings differ {left}; {nothing} in the catalogue explains it.")
-    if left and closest:
-        parts.append(
-            f"Closest comes {', '.join(closest)}, which is not chosen again whenever a part of the "
-            "time is left out."
-        )
-    return " ".join(parts)
-
-
 def _shift(shifts: Mapping[str, EffectParameter]) -> str:
     """The effort's shift in both sets, which is taken out."""
     said = [
@@ -424,17 +414,6 @@ def _shift(shifts: Mapping[str, EffectParameter]) -> str:
         f"the effort acts {said[0]} after its stamp in the reference recordings, {said[1]} in the "
         "second set: each was aligned by its own, since a command that is held over its period "
         "makes half a period"
-    )
-
-
-def _unattributed(sets: TwoSets, term: Term) -> str:
-    """A difference outside the catalogue."""
-    effect, made = term.candidate.effect, _torques_of(sets, [term])[0]
-    assert isinstance(effect, Nonparametric)
-    return (
-        f"the recordings differ at {made.joint} by {torque(sets.data, made.rms, made.joint)}, a "
-        f"torque that {effect.words}, {_WHERE[_side_of(sets, term)]}; nothing in the catalogue "
-        "explains it"
     )
 
 
@@ -454,21 +433,35 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     each part of the time as the other parts have them. What is left in the reference is that of
     white noise at the second set's rate.
     """
-    model = changes.selection.model
+    data, model = sets.data, changes.selection.model
     after = model.residuals
     before = [rest.copy() for rest in after]
     for term in model.terms:
-        for joint, moved in _moved(sets, term).items():
+        columns: Columns = term.columns
+        sign, acts = 1.0, bool(term.candidate.scope)
+        if acts and _side_of(sets, term) == "reference":
+            acts, sign = term.candidate.kind is not Kind.NUMBER, -1.0
+            if acts:
+                (columns,) = rows_of(data, term.effect, term.place, [term.shape])
+        for joint, rows in columns.items() if acts else ():
+            moved = sign * (rows @ term.coefficients) * sets.inside[joint]
             before[joint] += moved
             if term in changes.doubtful:
                 after[joint] += moved
-    alone = _with_numbers_of_second(sets, changes, after)
+    ledger = changes.selection.comparison.options.ledger
+    part, alone = quarters(data, ledger), [rest.copy() for rest in after]
+    for number in np.unique(part):
+        out = [part[blocks] == number for blocks in ledger.blocks]
+        fitted = [inside & ~gone for inside, gone in zip(sets.inside, out, strict=True)]
+        left = refit_residuals(ledger, after, fitted)
+        for rest, predicted, gone in zip(alone, left, out, strict=True):
+            rest[gone] = predicted[gone]
     one, other = (
         min(motion.signals.rate for motion in refit.data.prepared.motions) for refit in sets.refits
     )
     noise = float(np.sqrt(max(1.0, one / other)))  # fewer samples in a row: more noise
     made, of_reference = [], []
-    for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
+    for joint, (name, inside) in enumerate(zip(data.joints, sets.inside, strict=True)):
         if joint in sets.not_compared:
             continue
         first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
@@ -478,36 +471,3 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
         made.append(JointContrast(name, first, second, least, share, unexplained))
         of_reference.append(noise * rms(after[joint][~inside]))
     return made, of_reference
-
-
-def _with_numbers_of_second(
-    sets: TwoSets, changes: Changes, residuals: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """(r_j,) what numbers of the second set leave of parts that they are not fitted to."""
-    ledger = changes.selection.comparison.options.ledger
-    part = quarters(sets.data, ledger)
-    made = [rest.copy() for rest in residuals]
-    for number in np.unique(part):
-        out = [part[blocks] == number for blocks in ledger.blocks]
-        fitted = [rows & ~gone for rows, gone in zip(sets.inside, out, strict=True)]
-        left = refit_residuals(ledger, residuals, fitted)
-        for rest, predicted, gone in zip(made, left, out, strict=True):
-            rest[gone] = predicted[gone]
-    return made
-
-
-def _moved(sets: TwoSets, term: Term) -> dict[int, FloatArray]:
-    """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    columns: Columns = term.columns
-    sign = 1.0
-    if not term.candidate.scope:
-        return {}
-    if _side_of(sets, term) == "reference":
-        if term.candidate.kind is Kind.NUMBER:
-            return {}
-        (columns,) = rows_of(sets.data, term.effect, term.place, [term.shape])
-        sign = -1.0
-    return {
-        joint: sign * (rows @ term.coefficients) * sets.inside[joint]
-        for joint, rows in columns.items()
-    }
