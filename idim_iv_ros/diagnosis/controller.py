@@ -13,11 +13,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
-from idim_iv_ros.diagnosis.comparison.named_columns import (
-    NamedColumns,
-    ledger_of_rows,
-    supported,
-)
+from idim_iv_ros.diagnosis.comparison.named_columns import NamedColumns, ledger_of_rows, supported
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import rms

@@ -272,8 +272,3 @@ def _varied(given: object, factor: float) -> list[Any]:
 
 # One of any shape, for those who hand its shapes back to it.
 Effect = StructuralEffect[Any]
-
-
-def logarithmic(low: float, high: float, count: int) -> FloatArray:
-    """Count numbers from low to high, evenly spaced in their logarithm."""
-    return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))

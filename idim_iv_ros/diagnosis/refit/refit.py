@@ -7,12 +7,7 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.baseline import (
-    Baseline,
-    baseline,
-    nominal_residuals,
-    refit_of,
-)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, nominal_residuals, refit_of
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
