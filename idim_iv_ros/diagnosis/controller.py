@@ -27,7 +27,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     events_in,
     law_speed,
 )
-from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all, is_beyond_control
+from idim_iv_ros.diagnosis.refit.refit import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
 from idim_iv_ros.effects.cause import EffectParameter, Parameters
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
