@@ -29,13 +29,13 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
 )
 from idim_iv_ros.diagnosis.refit.refit import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
-from idim_iv_ros.effects.cause import EffectParameter, Parameters
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
-_ON_TIME = EffectParameter(0.0, 0.0, "s")
+_ON_TIME, _POSITIVE = EffectParameter(0.0, 0.0, "s"), EffectParameter(1.0, 0.0, "")
 _SAME_NUMBER = 0.1  # relative: what instruments change of it is a detail of the law
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
@@ -243,12 +243,14 @@ def check_law(
     configured = data.prepared.configuration.controller.delay
     longest_lag = settings.LONGEST_LAG * period
     usual = longest_lag + configured - shift.value
-    joints = {
-        joint: change
-        if _is_possible(CONTROL_LAW.parameters(law, joint, change.changes))
-        else replace(change, terms=())
-        for joint, change in joints.items()
-    }
+    for joint, change in joints.items():
+        # A loop holds its joint: its stiffness is surely positive, its damping not surely negative.
+        numbers = CONTROL_LAW.parameters(law, joint, change.changes)
+        stiffness, damping = (numbers.get(name, _POSITIVE) for name in ("kp", "kd"))
+        least = stiffness.value - settings.NORMAL_95 * (stiffness.std or 0.0)
+        most = damping.value + settings.NORMAL_95 * (damping.std or 0.0)
+        if least <= 0.0 or most < 0.0:
+            joints[joint] = replace(change, terms=())
     followed = [change for change in joints.values() if change.is_followed]
     longest, shared = _shared_lag(commands, followed, max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
@@ -302,18 +304,6 @@ def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChang
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))
     return commands, speed, joints
-
-
-def _is_possible(gains: Parameters) -> bool:
-    """Whether a loop with these gains holds its joint: it answers errors, and drives no motion.
-
-    Its stiffness is surely positive, and its damping not surely negative.
-    """
-    usual = EffectParameter(1.0, 0.0, "")
-    stiffness, damping = gains.get("kp", usual), gains.get("kd", usual)
-    least = stiffness.value - settings.NORMAL_95 * (stiffness.std or 0.0)
-    most = damping.value + settings.NORMAL_95 * (damping.std or 0.0)
-    return least > 0.0 and most >= 0.0
 
 
 def _shared_lag(

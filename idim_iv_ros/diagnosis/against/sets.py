@@ -16,7 +16,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, proposals, refit_of
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
-from idim_iv_ros.identification.prepare import PreparedRegression, prepare
+from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.identification.sanity import ANOTHER_UNIT, in_smaller_units
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -29,9 +29,8 @@ class TwoSets:
     """Rows of both sets, those of the reference first.
 
     `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
-    `refits` (Refit, Refit): of reference and second set by
-    themselves. `not_compared`: joints whose efforts are not torques of one robot in both sets, and
-    why; their rows are left out.
+    `refits`: of reference and second set by themselves. `not_compared`: joints whose efforts are
+    not torques of one robot in both sets, and why; their rows are left out.
     """
 
     data: Baseline
@@ -74,8 +73,16 @@ def two_sets(
     """
     parts = reference, against
     for section in proposals(parts, configuration):
-        whole = prepare([*reference, *against], section)
-        sets = [refit_of(_part(whole, part)) for part in parts]
+        whole, sets = prepare([*reference, *against], section), []
+        numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
+        for part in parts:  # filtered as all recordings are; its time starts at zero
+            session = session_of(part)
+            places = [numbers[id(recording)] for recording in session.recordings]
+            factors = tuple(whole.cutoffs.factors[place] for place in places)
+            motions = tuple(whole.motions[place] for place in places)
+            cutoffs = replace(whole.cutoffs, factors=factors)
+            prepared = replace(whole, session=session, cutoffs=cutoffs, motions=motions)
+            sets.append(refit_of(prepared))
         if all(data.sticking for data in sets):
             break
     one, other = map(on_likelier_motion, sets)
@@ -109,17 +116,6 @@ def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
             "for such a motion, and follows it: another unit?"
         )
     return why
-
-
-def _part(whole: PreparedRegression, recordings: Sequence[Recording]) -> PreparedRegression:
-    """Keep some recordings of a session, filtered as all of them are; their time starts at zero."""
-    session = session_of(recordings)
-    numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
-    places = [numbers[id(recording)] for recording in session.recordings]
-    factors = tuple(whole.cutoffs.factors[place] for place in places)
-    motions = tuple(whole.motions[place] for place in places)
-    cutoffs = replace(whole.cutoffs, factors=factors)
-    return replace(whole, session=session, cutoffs=cutoffs, motions=motions)
 
 
 def _together(first: Baseline, second: Baseline, left_out: Collection[int]) -> Baseline:

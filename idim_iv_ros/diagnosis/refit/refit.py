@@ -91,10 +91,6 @@ class MissingGravity:
         if self.compensated:
             first = "the efforts hold no gravity: the driver records them without what balances it"
             rest = "without gravity. Record the whole effort, or set robot.gravity to zero"
-        said = (
-            f"{first}, ({shown}) m/s² with the masses of the nominal model. Everything else was "
-            f"diagnosed {rest}"
-        )
         return Cause(
             effect=name_of("gravity"),
             kind="parametric",
@@ -105,7 +101,8 @@ class MissingGravity:
             },
             evidence=Evidence(self.statistic),
             torque_gap=Gap.between(*gaps),
-            sentence=said,
+            sentence=f"{first}, ({shown}) m/s² with the masses of the nominal model. Everything "
+            f"else was diagnosed {rest}",
         )
 
 
@@ -142,18 +139,20 @@ class EffortShift:
             return False
         return is_beyond_control(shift.value - self.configured, shift.std, self.period)
 
-    def cause(
-        self, data: Baseline, before: Sequence[float], after: Sequence[float], support: float
-    ) -> Cause:
-        """Build the cause from torque gaps of the joints without and with the shift, N m (N).
+    def cause(self, before: Baseline, after: Baseline, support: float) -> Cause:
+        """Build the cause from the refits without and with the shift.
 
         `support`: by how much the logarithm of the likelihood is higher with the delay in the loop;
         0 where no loop is simulated.
         """
         delay = replace(self.common, value=self.common.value - self.configured)
         assert delay.std is not None
-        pairs = enumerate(zip(before, after, strict=True))
-        changes = [data.joint_change(joint, *gaps) for joint, gaps in pairs]
+        one, other = (
+            [np.std(residual).item() for residual in data.regression.fitted.residuals]
+            for data in (before, after)
+        )
+        pairs = enumerate(zip(one, other, strict=True))
+        changes = [after.joint_change(joint, *of_joint) for joint, of_joint in pairs]
         changes.sort(key=lambda change: -change.share_of_torque)
         which = "which this recording cannot tell"
         if abs(support) >= settings.LEAST_SUPPORT:
@@ -166,7 +165,7 @@ class EffortShift:
             f"in the loop; {which}. Everything else was diagnosed with efforts at the time at "
             "which they act"
         )
-        return delay_of_all(delay, before, after, sentence, changes)
+        return delay_of_all(delay, one, other, sentence, changes)
 
     @property
     def sentence(self) -> str:
@@ -239,9 +238,7 @@ class Refit:
 
 
 def refitted(
-    recordings: Sequence[Recording],
-    configuration: Configuration,
-    without: Collection[str],
+    recordings: Sequence[Recording], configuration: Configuration, without: Collection[str]
 ) -> Refit:
     """Refit the nominal model and align the effort; errors as `identify`.
 
@@ -249,8 +246,7 @@ def refitted(
     configuration has none, unless its direction is among them.
     """
     data = baseline(recordings, configuration)
-    may_lack = name_of("gravity") not in without
-    gravity = missing_gravity(data) if may_lack else None
+    gravity = None if name_of("gravity") in without else missing_gravity(data)
     if gravity is not None:
         data = baseline(recordings, gravity.corrected(configuration))
     return replace(_aligned_throughout(data, without), gravity=gravity)
@@ -286,11 +282,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     shift = replace(refit.shift, configured=early.shift.configured)
     if name_of("delay") in without or not shift.beyond_control:
         return refit
-    before, after = (
-        [np.std(residual).item() for residual in one.regression.fitted.residuals]
-        for one in (data, refit.data)
-    )
-    return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
+    return replace(refit, delays=(shift.cause(data, refit.data, support),))
 
 
 def on_likelier_motion(data: Baseline) -> Refit:
