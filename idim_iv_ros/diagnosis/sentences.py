@@ -87,11 +87,15 @@ def disagreement(recordings: Sequence[RecordingAgreement], used: Sequence[str]) 
 
 def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> str:
     """Which parameters are in error, by how much, and what correcting them takes of the gap."""
-    place = cause.joint and cause.joint + effect.which(data.joints.index(cause.joint))
+    joint = cause.joint
+    place = f"{joint}{effect.which(data.joints.index(joint))}" if joint else None
     # Of a cause of no single joint all: one for each joint.
-    most = None if cause.joint else len(cause.parameters)
+    most = None if joint else len(cause.parameters)
     size = listed_numbers(cause.effect, cause.parameters, most)
-    text = f"{effect.subject(place or '')}, {likely(cause.probability)}: {size}"
+    text = (
+        f"{placed(cause.effect, place)} differs from the nominal model, "
+        f"{likely(cause.probability)}: {size}"
+    )
     if "mass" in cause.parameters and cause.parameters["mass"].value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
     smaller = [change for change in cause.joint_gaps if change.share_of_torque > 0.0]
