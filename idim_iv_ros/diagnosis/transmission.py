@@ -196,13 +196,15 @@ def _cause(data: Baseline, transmission: Measured, part: Part) -> Cause:
         elastic = _without_twist(data, joint, stiffness.value, damped, play)
         after = elastic.fit(before.noise_models, steps=0)
     one, two = (rms(fitted.residuals[joint]) for fitted in (before, after))
+    term, folds = fit.chosen[_SIDE if part == "play" else _LOAD], chosen_without(fit.selection)
+    times = f"{folds.times(term)} of {len(folds.keys)}"
     return Cause(
         effect=name_of(part),
         kind="structural",
         joint=result.joint,
         sentence=sentences.transmission(result, name_of(part)),
         parameters={name: number for name, number in named.items() if number is not None},
-        evidence=fit.evidence(_SIDE if part == "play" else _LOAD),
+        evidence=Evidence(2.0 * term.evidence, chosen_in_folds=times),
         torque_gap=Gap.between(one, two),
         joint_gaps=(data.joint_change(joint, one, two),),
     )
@@ -256,7 +258,9 @@ def _transmission(data: Baseline, joint: int, fit: "TwistFit") -> Transmission:
     if _SIDE in fit.numbers:
         side, side_std = fit.numbers[_SIDE]
         most = 2.0 * (max(side, 0.0) + settings.NORMAL_95 * side_std)
-    total = float(np.var(fit.twist)) or 1e-300
+    # With both channels at the same instants, less constants and position.
+    followed = [fit.columns[t][:, 0] * fit.accepted(t) for t in fit.chosen if t != _POSITION]
+    total = float(np.var(sum(followed, fit.fit.residuals[0]))) or 1e-300
     return Transmission(
         joint=data.joints[joint],
         stiffness=stiffness,
@@ -276,11 +280,7 @@ def _transmission(data: Baseline, joint: int, fit: "TwistFit") -> Transmission:
 
 
 def _undecided(fit: "TwistFit", *, clear: bool, exceeds_step: bool) -> str:
-    """Why no stiffness is said.
-
-    `clear`, `exceeds_step`: whether the twist under the load differs from zero, and is larger than
-    the encoders' step.
-    """
+    """Why no stiffness is said; `clear`: whether the twist under the load differs from zero."""
     rows = fit.rows
     # Whether a twist of one step of the encoders would not have been significant.
     step = rows.resolution / max(float(np.ptp(rows.load)), 1e-300)
@@ -447,22 +447,10 @@ class TwistFit:
         """Coefficient of a term that is in the model; zero of any other."""
         return self.numbers[term][0] if term in self.chosen else 0.0
 
-    def evidence(self, term: str) -> Evidence:
-        """Why a term of the model is believed."""
-        folds, of_term = chosen_without(self.selection), self.chosen[term]
-        times = f"{folds.times(of_term)} of {len(folds.keys)}"
-        return Evidence(2.0 * of_term.evidence, chosen_in_folds=times)
-
     def clear(self, term: str) -> bool:
         """Whether a term is in the model, and positive beyond noise."""
         value, std = self.numbers.get(term, (0.0, 0.0))
         return term in self.chosen and value > settings.CLEAR_DEVIATIONS * std
-
-    @property
-    def twist(self) -> FloatArray:
-        """(r,) rad with both channels at the same instants, less constants and position."""
-        followed = [self.columns[t][:, 0] * self.accepted(t) for t in self.chosen if t != _POSITION]
-        return np.asarray(sum(followed, self.fit.residuals[0]))
 
 
 def fit_twist(rows: TwistRows) -> TwistFit:
@@ -521,19 +509,8 @@ def compliance(fit: TwistFit) -> tuple[float, float]:
     parameters of the links, and an error over the position that the twist allows and does not ask
     for.
     """
-    value, noise = fit.numbers[_LOAD]
-    variance = noise**2 + _load_variance(fit)
-    if _LOAD in fit.chosen:
-        variance += noise**2 * (fit.chosen[_LOAD].dispersion - 1.0)
-        if _POSITION not in fit.chosen:
-            wider = fit.regression.with_columns({0: fit.columns[_POSITION]}).fit()
-            variance += (float(wider.coefficients[list(fit.chosen).index(_LOAD)]) - value) ** 2
-    return value, float(np.sqrt(variance))
-
-
-def _load_variance(fit: TwistFit) -> float:
-    """Variance of 1/K from the parameters of the links: its gradient along each of them."""
-    rows = fit.rows
+    value, std = fit.numbers[_LOAD]
+    variance, rows = std**2, fit.rows
     noise, joint = fit.fit.noise_models[0], fit.regression.joints[0]
     others = [joint.matrix, *(fit.columns[term] for term in fit.chosen if term != _LOAD)]
     nuisance = independent_basis(noise.standardized(np.column_stack(others), rows.segments))
@@ -542,8 +519,13 @@ def _load_variance(fit: TwistFit) -> float:
         for values in (rows.load, rows.load_columns, joint.torque)
     )
     energy = float(load @ load)
-    if energy <= 0.0:
-        return 0.0
-    value = float(load @ twist) / energy
-    gradient = (changes.T @ twist - 2.0 * value * (changes.T @ load)) / energy
-    return float(np.maximum(gradient @ rows.load_covariance @ gradient, 0.0))
+    if energy > 0.0:  # the gradient along each parameter of the links
+        alone = float(load @ twist) / energy
+        gradient = (changes.T @ twist - 2.0 * alone * (changes.T @ load)) / energy
+        variance += float(np.maximum(gradient @ rows.load_covariance @ gradient, 0.0))
+    if _LOAD in fit.chosen:
+        variance += std**2 * (fit.chosen[_LOAD].dispersion - 1.0)
+        if _POSITION not in fit.chosen:
+            wider = fit.regression.with_columns({0: fit.columns[_POSITION]}).fit()
+            variance += (float(wider.coefficients[list(fit.chosen).index(_LOAD)]) - value) ** 2
+    return value, float(np.sqrt(variance))

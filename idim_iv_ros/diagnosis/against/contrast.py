@@ -264,9 +264,8 @@ def _scaled_alike(law: ContrastCause, numbers: Sequence[ContrastCause]) -> bool:
     """
     for cause in numbers:
         factor = cause.parameters.get("factor")
-        if factor is None or cause.joint != law.joint or cause.kind != "parametric":
-            continue
-        if BY_NAME[cause.effect].part == "torque scale":
+        gain = BY_NAME[cause.effect].part == "torque scale" and cause.joint == law.joint
+        if factor is not None and gain:
             return bool(law.against) and all(
                 abs(factor.value * other.value - law.reference[name].value)
                 < settings.NORMAL_95

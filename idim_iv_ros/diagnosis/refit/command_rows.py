@@ -372,14 +372,13 @@ def with_law_speed(sources: InstrumentSources) -> tuple[InstrumentSources, LawCo
 class LawEvent:
     """A stretch of time in which commands hold something that their law does not.
 
-    `begin`, `end`: s of the `recording`; `size`: its median, N m (N); `energy`: sum of squares.
+    `begin`, `end`: s of the `recording`; `size`: its median, N m (N).
     """
 
     begin: float
     end: float
     recording: int
     size: float
-    energy: float
 
 
 def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[LawEvent]:
@@ -399,10 +398,10 @@ def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[L
         size = np.abs(rest[part])
         core = part[size >= _EDGE * size.max()]
         begin, end = time[core[[0, -1]]].tolist()
-        middle, energy = float(np.median(rest[core])), float(np.sum(rest[part] ** 2))
-        events.append(LawEvent(begin, end, int(recording[core[0]]), middle, energy))
-    events.sort(key=lambda event: -event.energy)
-    return [event for event in events if event.energy >= _LEAST_EVENT * events[0].energy]
+        event = LawEvent(begin, end, int(recording[core[0]]), float(np.median(rest[core])))
+        events.append((float(np.sum(rest[part] ** 2)), event))
+    events.sort(key=lambda pair: -pair[0])
+    return [event for energy, event in events if energy >= _LEAST_EVENT * events[0][0]]
 
 
 def away_from_events(rest: FloatArray, recording: IntArray, time: FloatArray) -> BoolArray:
