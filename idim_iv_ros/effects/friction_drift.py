@@ -10,13 +10,7 @@ import scipy
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 

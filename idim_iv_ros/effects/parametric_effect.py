@@ -152,9 +152,7 @@ class ParametricEffect(Cause):
             for estimate in estimates
         )
 
-    def parameters(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> Parameters:
+    def parameters(self, estimates: Sequence[Estimated]) -> Parameters:
         """Return the numbers by the names of the changes."""
         return {
             change.name: EffectParameter(float(estimate.value), estimate.std, change.unit)

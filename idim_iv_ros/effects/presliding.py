@@ -9,13 +9,7 @@ from numba import njit
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 

@@ -121,7 +121,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 
     A change of all recordings of a set and one of a single recording of it add up there.
     """
-    model, space = changes.selection.model, changes.selection.catalogue.space
+    model = changes.selection.model
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
     for term, block in zip(model.terms, model.blocks, strict=True):
         if term.candidate.kind is Kind.NUMBER and term in changes.accepted:
@@ -150,7 +150,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
                 variance = spread * float(model.covariance[np.ix_(which, which)].sum())
                 value, std = float(model.coefficients[which].sum()), np.sqrt(max(variance, 0.0))
                 estimates.append(Estimated(named[name], value, float(std)))
-            numbers = effect.parameters(space, joint, estimates)
+            numbers = effect.parameters(estimates)
             made.append(NumberChange(effect, joint, frozenset(group), numbers, terms))
     return made
 
@@ -217,7 +217,7 @@ def _differences(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Differ
         for change in number_changes(changes)
     ]
     named += [
-        (*term.key[:2], term.parameters(catalogue.space), (term,), term.candidate.scope)
+        (*term.key[:2], term.parameters, (term,), term.candidate.scope)
         for term in changes.accepted
         if term.is_effect
     ]

@@ -153,7 +153,7 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
 
 def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     """One cause of every effect that one set has, or that the sets have otherwise."""
-    data, space, made = sets.data, changes.selection.catalogue.space, []
+    data, made = sets.data, []
     places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
     for term in changes.accepted:
         if term.is_effect:
@@ -161,7 +161,7 @@ def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
     for place, sides in sorted(places.items(), key=lambda item: item[0]):
         terms = list(sides.values())
         one, other = (
-            data.in_units_at(term.place.joint, term.parameters(space)) if term else {}
+            data.in_units_at(term.place.joint, term.parameters) if term else {}
             for term in map(sides.get, _WHERE)
         )
         joints = [data.joints[joint] for joint in terms[0].place.joints]
