@@ -6,30 +6,26 @@ from typing import Literal
 import numpy as np
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.result.causes import (
+from idim_iv_ros.diagnosis.result import (
     Cause,
-    Evidence,
-    Gap,
-    Hint,
-    Indistinguishable,
-    SimulationGap,
-    Unexplained,
-)
-from idim_iv_ros.diagnosis.result.document import (
-    GapResult,
-    GapSeries,
-    JointGap,
-    NotTestable,
-    Regime,
-    Stage,
-    TrackingSeries,
-    Where,
-)
-from idim_iv_ros.diagnosis.result.recordings import (
     ContrastCause,
     ContrastResult,
+    Evidence,
+    Gap,
+    GapResult,
+    GapSeries,
+    Hint,
+    Indistinguishable,
     JointContrast,
+    JointGap,
     JointTorque,
+    NotTestable,
+    Regime,
+    SimulationGap,
+    Stage,
+    TrackingSeries,
+    Unexplained,
+    Where,
 )
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.types import FloatArray

@@ -24,10 +24,10 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
 from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
-from idim_iv_ros.diagnosis.result.causes import Evidence
-from idim_iv_ros.diagnosis.result.recordings import (
+from idim_iv_ros.diagnosis.result import (
     ContrastCause,
     ContrastResult,
+    Evidence,
     JointContrast,
     JointTorque,
 )

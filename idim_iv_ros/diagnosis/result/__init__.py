@@ -1,1 +1,0 @@
-"""What a diagnosis found: the document gap.json and what it consists of."""
