@@ -56,7 +56,7 @@ class Absorption:
         return np.asarray(energy), np.maximum(energy - taken, 0.0)
 
 
-def _detectability(
+def detectability(
     data: Baseline, absorption: Absorption, effect: Effect, place: Place, made: Made
 ) -> tuple[str, str]:
     """Why the motion does not show an effect, and from which size on it would; empty if it does.
@@ -179,7 +179,7 @@ def not_shown_by_motion(
             for place in places[:1]:
                 reason, smallest = cannot_show(effect, covered), ""
                 if not reason:
-                    reason, smallest = _detectability(data, absorption, effect, place, made)
+                    reason, smallest = detectability(data, absorption, effect, place, made)
                 if reason:
                     needed = _TORQUE if covered.left_out else effect.excitation
                     words = (data.unit_at(joint, text) for text in (reason, needed, smallest))
