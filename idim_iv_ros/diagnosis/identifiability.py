@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
@@ -86,11 +86,21 @@ def detectability(
         least_absorbed = min(least_absorbed, 1.0 - float(share.max()))
         at_joint = columns.get(joint)
         largest = np.zeros(len(rest)) if at_joint is None else np.abs(at_joint).max(axis=0)
-        seen = _smallest(effect, rest, share > 1.0 - settings.ABSORBED, largest, needed)
-        if seen is None:
+        # Coefficients at which each column alone is just seen; one where the shape is the size.
+        sizes = np.sqrt(needed / np.maximum(rest, _TINY))
+        sizes[share <= 1.0 - settings.ABSORBED] = np.inf
+        most = _MOST_SCALED if effect.size_in == "scale" else np.inf
+        if effect.size_in == "shape":
+            sizes = np.where(sizes <= 1.0, 1.0, np.inf)
+        else:
+            sizes[(largest <= 0.0) | (sizes > most)] = np.inf
+        column = int(np.argmin(sizes * np.maximum(largest, _TINY)))
+        if not np.isfinite(sizes[column]):
             continue
-        coefficients, torque = seen
-        size = shape.numbers[0] if effect.size_in == "shape" else torque
+        coefficients = np.where(np.arange(len(sizes)) == column, sizes, 0.0)
+        size = torque = float(sizes[column] * largest[column])
+        if effect.size_in == "shape":
+            size, torque = shape.numbers[0], 0.0
         plausible = effect.plausible(shape, coefficients, torque, covered)
         options.append((not plausible, size, effect.size_in_words(shape, coefficients, torque)))
     if least_absorbed > settings.ABSORBED:
@@ -104,29 +114,6 @@ def detectability(
         if implausible
         else ("", "")
     )
-
-
-def _smallest(
-    effect: Effect, rest: FloatArray, shown: BoolArray, largest: FloatArray, needed: float
-) -> tuple[FloatArray, float] | None:
-    """Coefficients (k,) at which one column is just seen, and their torque, N m (N), if one is.
-
-    `rest`: (k,) energy of unit columns that the model leaves; `shown`: (k,) columns that the model
-    does not absorb; `largest`: (k,) largest torque of unit columns at the joint, N m (N); `needed`:
-    energy at which an effect is seen.
-    """
-    if effect.size_in == "shape":
-        return (np.ones(1), 0.0) if shown[0] and rest[0] >= needed else None
-    size = np.sqrt(needed / np.maximum(rest, _TINY))
-    size[~shown | (largest <= 0.0)] = np.inf
-    if effect.size_in == "scale":
-        size[size > _MOST_SCALED] = np.inf
-    column = int(np.argmin(size * np.maximum(largest, _TINY)))
-    if not np.isfinite(size[column]):
-        return None
-    coefficients = np.zeros(len(size))
-    coefficients[column] = size[column]
-    return coefficients, float(size[column] * largest[column])
 
 
 def cannot_show(effect: Effect, covered: JointRange) -> str:

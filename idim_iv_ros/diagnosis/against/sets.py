@@ -6,7 +6,7 @@ has a refit, simulated motion and alignment of the effort of its own, in one pro
 are their rows put under one another.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -71,11 +71,10 @@ def two_sets(
 
     The noisier set limits the band, and all rows come at one rate.
     """
-    parts = reference, against
-    for section in proposals(parts, configuration):
+    for section in proposals((reference, against), configuration):
         whole, sets = prepare([*reference, *against], section), []
         numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
-        for part in parts:  # filtered as all recordings are; its time starts at zero
+        for part in (reference, against):  # filtered as all recordings are; its time starts at zero
             session = session_of(part)
             places = [numbers[id(recording)] for recording in session.recordings]
             factors = tuple(whole.cutoffs.factors[place] for place in places)
@@ -85,9 +84,28 @@ def two_sets(
             sets.append(refit_of(prepared))
         if all(data.sticking for data in sets):
             break
-    one, other = map(on_likelier_motion, sets)
-    why = _not_compared(one.data, other.data)
-    return TwoSets(_together(one.data, other.data, why), (one, other), why)
+    refits = on_likelier_motion(sets[0]), on_likelier_motion(sets[1])
+    first, second = (refit.data for refit in refits)
+    why = _not_compared(first, second)
+    one, other = first.prepared, second.prepared
+    parts = (*one.session.parts, *other.session.parts)
+    prepared = replace(
+        one,
+        session=Session((*one.recordings, *other.recordings), parts, ()),
+        cutoffs=replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors)),
+        motions=(*one.motions, *other.motions),
+    )
+    joints = tuple(
+        replace(rows.joined([more]), left_out=joint in why)
+        for joint, (rows, more) in enumerate(zip(first.rows, second.rows, strict=True))
+    )
+    data = replace(
+        first,
+        prepared=prepared,
+        regression=replace(first.regression, joints=joints),
+        sticking=first.sticking and second.sticking,
+    )
+    return TwoSets(data.on((*first.motions, *second.motions)), refits, why)
 
 
 def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
@@ -116,26 +134,3 @@ def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
             "for such a motion, and follows it: another unit?"
         )
     return why
-
-
-def _together(first: Baseline, second: Baseline, left_out: Collection[int]) -> Baseline:
-    """Put the recordings and rows of two sets one after the other.
-
-    `left_out`: joints whose rows do not count.
-    """
-    one, other = first.prepared, second.prepared
-    recordings = (*one.recordings, *other.recordings)
-    session = Session(recordings, (*one.session.parts, *other.session.parts), ())
-    cutoffs = replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors))
-    motions = (*one.motions, *other.motions)
-    rows = zip(first.rows, second.rows, strict=True)
-    joints = tuple(
-        replace(a.joined([b]), left_out=joint in left_out) for joint, (a, b) in enumerate(rows)
-    )
-    both = replace(
-        first,
-        prepared=replace(one, session=session, cutoffs=cutoffs, motions=motions),
-        regression=replace(first.regression, joints=joints),
-        sticking=first.sticking and second.sticking,
-    )
-    return both.on((*first.motions, *second.motions))

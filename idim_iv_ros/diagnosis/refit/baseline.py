@@ -359,7 +359,18 @@ def widened(
         measured = min(measured, *(clocks[:1] or [recording.rate]))
     sampled = measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN)
     noise = settings.ACCELERATION_NOISE if simulated else settings.MEASURED_NOISE
-    cutoff = min(_noise_limit(prepared, noise), settings.WIDEST_BAND, sampled)
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, rows)
+    values = solve_least_squares(rows, len(prepared.model.base.columns)).values
+    parameters = prepared.model.dynamic_parameters(values)
+    positions = prepared.motions[0].position
+    inertia = np.abs(joint_inertia(prepared.model.robot, parameters, positions))
+    ratio = _noise(prepared.motions, "torque") / np.maximum(
+        inertia * _noise(prepared.motions, "position"), 1e-30
+    )
+    # Where accelerations add `noise` times the torque's, the least over the joints.
+    limit = float(np.sqrt(np.sqrt(5.0) * noise * ratio.min())) / (2.0 * np.pi)
+    cutoff = min(limit, settings.WIDEST_BAND, sampled)
     cutoff = max(cutoff, prepared.cutoffs.decimation)
     edge = processing.decimation_edge
     factor = max(1, int(edge * rate / (2.0 * cutoff)))
@@ -373,19 +384,6 @@ def widened(
         position = min(wanted, _HIGHEST_CUTOFF * rate)
     cutoffs = {"position_cutoff": position, "decimation_cutoff": min(cutoff, position)}
     return configuration.changed("processing", **cutoffs)
-
-
-def _noise_limit(prepared: PreparedRegression, noise: float) -> float:
-    """Hz, the least over the joints, at which accelerations add `noise` times the torque's."""
-    model, motions = prepared.model, prepared.motions
-    rows = observation_rows(model, motions)
-    require_excitation(prepared, rows)
-    values = solve_least_squares(rows, len(model.base.columns)).values
-    parameters = model.dynamic_parameters(values)
-    inertia = np.abs(joint_inertia(model.robot, parameters, motions[0].position))
-    noise_of_inertia = np.maximum(inertia * _noise(motions, "position"), 1e-30)
-    ratio = _noise(motions, "torque") / noise_of_inertia
-    return float(np.sqrt(np.sqrt(5.0) * noise * ratio.min())) / (2.0 * np.pi)
 
 
 def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:

@@ -131,12 +131,6 @@ class EffortShift:
         return self.chain.effort_shift
 
     @property
-    def undetermined(self) -> "EffortShift":
-        """The same where nothing can be said of a shift that all share, which is taken as zero."""
-        none = EffectParameter(0.0, None, "s")
-        return replace(self, chain=replace(self.chain, effort_shift=none, periods=0.0))
-
-    @property
     def beyond_control(self) -> bool:
         """Whether nearly all joints share more than a command makes that is held and computed."""
         shift, joints = self.common, len(self.chain.joint_shifts)
@@ -275,8 +269,11 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
         unsure = float(np.hypot(first.std or 0.0, second.std or 0.0))  # of the same torque's noise
         room = settings.SHIFT_AGREEMENT * max(early.shift.period, abs(first.value))
         if abs(first.value - second.value) > unsure + room:
-            early = replace(early, data=early.data.later(0.0), shift=early.shift.undetermined)
-            return replace(early, answers_noise=True)
+            none = EffectParameter(0.0, None, "s")
+            shift = replace(
+                early.shift, chain=replace(early.shift.chain, effort_shift=none, periods=0.0)
+            )
+            return replace(early, data=early.data.later(0.0), shift=shift, answers_noise=True)
     delay, prepared, support = early.shift.common.value, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
