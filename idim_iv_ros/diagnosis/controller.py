@@ -143,7 +143,7 @@ def law_change(every: CommandRows) -> LawChange:
     rows = every
     # A pulse is plain where the law holds, and where it does not beside what all groups leave.
     for more in ([], [rows.errors, *rows.groups.values()]):
-        rest = rows.beside(*more)
+        rest = rows.left_by(*more)
         if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():

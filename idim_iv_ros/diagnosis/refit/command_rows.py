@@ -141,7 +141,7 @@ class CommandRows:
             second=np.repeat([False, True], [first, len(other.rest)]),
         )
 
-    def beside(self, *columns: FloatArray) -> FloatArray:
+    def left_by(self, *columns: FloatArray) -> FloatArray:
         """What constants and more columns (r, …) leave of the rest, (r,) N m (N)."""
         return independent_basis(np.column_stack([self.constants, *columns])).remove(self.rest)
 
@@ -209,13 +209,13 @@ class LawCommands:
             for _ in range(_LAG_STEPS + 1):
                 if later is None:
                     break
-                left = rms(later.beside(later.errors, *later.groups.values()))
+                left = rms(later.left_by(later.errors, *later.groups.values()))
                 if left >= _LEAST_STEP * rest:
                     break
                 rows, rest = later, left
                 # The lag that would explain the most alone.
                 rate = independent_basis(rows.constants).remove(rows.errors[:, 0])
-                step = float(rate @ rows.beside()) / max(float(rate @ rate), 1e-300)
+                step = float(rate @ rows.left_by()) / max(float(rate @ rate), 1e-300)
                 later = self.rows(joint, speed, rows.lag + step)
             self._late[joint, speed] = rows
         return self._late[joint, speed]
@@ -305,7 +305,7 @@ def _chosen(commands: LawCommands, before: LawSpeed, *, recorded: bool) -> LawSp
         logarithms = []
         for joint, rows in usable:
             others = [rows.errors[:, 0], *(rows.groups[name] for name in ("kp", *more))]
-            rest = rows.beside(*others, rows.groups["kd"])
+            rest = rows.left_by(*others, rows.groups["kd"])
             steady = away_from_events(rest, rows.recording, rows.time)
             table = np.column_stack([rows.constants, *others])[steady]
             kd, gain, left = rows.groups["kd"][steady], float(commands.law.kd[joint]), []
