@@ -7,12 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idim_iv_ros.effects.cause import Cause, GivenNumbers, Parameters, ParameterSpec
-from idim_iv_ros.effects.contribution import (
-    CommandParts,
-    ControlLaw,
-    LawChange,
-    reference_direction,
-)
+from idim_iv_ros.effects.contribution import CommandParts, LawChange, reference_direction
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters

@@ -1,6 +1,6 @@
 """Closed-loop simulation of a robot with any dynamic parameters, and its control law."""
 
-from idim_iv_ros.effects.contribution import ControlLaw
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.simulation.closed_loop import ClosedLoopResult, simulate_closed_loop
 from idim_iv_ros.simulation.controller import (
     ControllerFit,

@@ -8,11 +8,11 @@ import numpy as np
 
 from idim_iv_ros.effects.contribution import (
     CommandDelay,
-    ControlLaw,
     LawChange,
     ShaftPart,
     reference_direction,
 )
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model.parameters import DynamicParameters
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.signals import Motion, central_differences

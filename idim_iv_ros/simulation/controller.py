@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from idim_iv_ros.configuration import ControllerSection
-from idim_iv_ros.effects.contribution import ControlLaw
+from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.signals import JointSignals
 from idim_iv_ros.types import FloatArray
