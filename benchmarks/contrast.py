@@ -28,7 +28,7 @@ from benchmarks.withheld_effects.world import FloatArray, World, plain_world, re
 from idim_iv_ros import load_configuration
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.diagnosis.against.contrast import contrasted
-from idim_iv_ros.diagnosis.result import ContrastResult
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 

@@ -25,7 +25,7 @@ import yaml
 from benchmarks.measurement import write_page
 from idim_iv_ros import load_configuration, write_bag
 from idim_iv_ros.diagnosis.diagnose import diagnose
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.recording.writing.write import JointTopic
 from tests.real import recordings
 

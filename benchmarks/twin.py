@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from benchmarks.measurement import write_page
 from idim_iv_ros import diagnose, export
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.simulators.mujoco import STIFFEST, Effects
 from idim_iv_ros.simulators.mujoco_parts import add_motors

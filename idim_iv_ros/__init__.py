@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     __version__: str
     from idim_iv_ros.configuration import Configuration, load_configuration
     from idim_iv_ros.diagnosis.diagnose import diagnose
-    from idim_iv_ros.diagnosis.result import GapResult
+    from idim_iv_ros.diagnosis.result.document import GapResult
     from idim_iv_ros.errors import DataError, IdimError, UsageError
     from idim_iv_ros.excitation.excite import excite
     from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory
@@ -77,7 +77,7 @@ _MODULES = {
     "simulator_files.export": ("Exported", "export"),
     "first_configuration.proposal": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
-    "diagnosis.result": ("GapResult",),
+    "diagnosis.result.document": ("GapResult",),
     "fleet.commands": ("Fleet", "diagnose_fleet", "identify_fleet"),
     "fleet.run": ("FleetRun",),
     "identification.identify": ("identify", "identify_recordings"),

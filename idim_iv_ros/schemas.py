@@ -4,7 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.documents import Document
 from idim_iv_ros.fleet.result import BagResult, FleetResult
 from idim_iv_ros.identification.result import IdentificationResult

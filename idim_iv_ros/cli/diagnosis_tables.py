@@ -6,7 +6,8 @@ from rich.console import Console
 from rich.text import Text
 
 from idim_iv_ros.cli.output import print_table
-from idim_iv_ros.diagnosis.result import ContrastResult, GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.errors import first_of
 from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline, difference_rows

@@ -16,7 +16,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import RESULT, SERVO, signed, write_together
 
 if TYPE_CHECKING:
-    from idim_iv_ros.diagnosis.result import GapResult
+    from idim_iv_ros.diagnosis.result.document import GapResult
     from idim_iv_ros.identification.check import CheckReport
     from idim_iv_ros.identification.result import IdentificationResult
 

@@ -28,7 +28,7 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     law_speed,
 )
 from idim_iv_ros.diagnosis.refit.refit import delay_of_all, is_beyond_control
-from idim_iv_ros.diagnosis.result import Cause, Evidence, Gap
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis

@@ -35,7 +35,8 @@ from idim_iv_ros.diagnosis.controller import check_law, why_not_checked
 from idim_iv_ros.diagnosis.identifiability import floor_noise_models, not_shown_by_motion
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
-from idim_iv_ros.diagnosis.result import GapResult, GapSeries, RecordingAgreement
+from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result.recordings import RecordingAgreement
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
 from idim_iv_ros.diagnosis.transmission import measured_transmissions, with_transmissions
 from idim_iv_ros.diagnosis.where import motion_at_rows, where

@@ -9,16 +9,15 @@ from idim_iv_ros.diagnosis.comparison.curves import Nonparametric, StopShape
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawEvent
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import (
     Cause,
     Hint,
     Indistinguishable,
-    JointGap,
     ParameterError,
-    RecordingAgreement,
-    Transmission,
     Unexplained,
 )
+from idim_iv_ros.diagnosis.result.document import JointGap
+from idim_iv_ros.diagnosis.result.recordings import RecordingAgreement, Transmission
 from idim_iv_ros.effects.cause import EffectParameter, Parameters, surest
 from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words

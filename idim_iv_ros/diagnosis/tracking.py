@@ -11,7 +11,8 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.answer.explained import Explained
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import gap_of, time_blocks
-from idim_iv_ros.diagnosis.result import SimulationGap, TrackingSeries
+from idim_iv_ros.diagnosis.result.causes import SimulationGap
+from idim_iv_ros.diagnosis.result.document import TrackingSeries
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.simulation import SimulatedEffect

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from idim_iv_ros.diagnosis.diagnose import diagnose
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.errors import DataError, IdimError, UsageError
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.regression import bag_fields

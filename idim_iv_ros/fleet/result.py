@@ -6,7 +6,7 @@ from typing import ClassVar, Final, Literal
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import Verdict as GapVerdict
+from idim_iv_ros.diagnosis.result.document import Verdict as GapVerdict
 from idim_iv_ros.documents import Document, Matrix, Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
 from idim_iv_ros.identification.result import Estimator

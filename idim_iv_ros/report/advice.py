@@ -6,14 +6,11 @@ from typing import get_args
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import (
-    Cause,
+from idim_iv_ros.diagnosis.result.causes import Cause, Gap, Unexplained
+from idim_iv_ros.diagnosis.result.document import GapResult, JointGap
+from idim_iv_ros.diagnosis.result.recordings import (
     ContrastCause,
     ContrastResult,
-    Gap,
-    GapResult,
-    JointGap,
-    Unexplained,
 )
 from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest

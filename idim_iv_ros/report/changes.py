@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import words_of_name
 from idim_iv_ros.report.numerals import INTERVAL

@@ -6,15 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    GapResult,
-    GapSeries,
-    Hint,
-    NotTestable,
-    ParameterError,
-    Regime,
-)
+from idim_iv_ros.diagnosis.result.causes import Cause, Hint, ParameterError
+from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries, NotTestable, Regime
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.identification.result import IdentificationResult

@@ -13,7 +13,7 @@ from jinja2 import Environment
 from markupsafe import Markup
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.errors import ReportWarning, one_line
 from idim_iv_ros.files import GAP, RESULT

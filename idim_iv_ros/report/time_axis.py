@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.report.figures import GREY, MUTED

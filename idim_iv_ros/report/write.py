@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.errors import ReportWarning, UsageError, one_line
 from idim_iv_ros.files import (
     FLEET,

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.result import Cause, GapResult
+from idim_iv_ros.diagnosis.result.causes import Cause
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import ANY_GAP, read_text

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.diagnosis.result import Cause
+from idim_iv_ros.diagnosis.result.causes import Cause
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, part_of
 from idim_iv_ros.errors import DataError, UsageError

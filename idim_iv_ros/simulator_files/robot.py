@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.registry import STRUCTURAL, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult

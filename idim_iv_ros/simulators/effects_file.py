@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
-from idim_iv_ros.diagnosis.result import Cause, GapResult
+from idim_iv_ros.diagnosis.result.causes import Cause
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.documents import Document, Unsaved
 from idim_iv_ros.effects.effect import StructuralEffect
 from idim_iv_ros.effects.registry import BY_NAME, name_of

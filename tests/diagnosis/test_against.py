@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, change_rows
 from idim_iv_ros.diagnosis.diagnose import of_those_that_agree
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.result import ContrastResult, RecordingAgreement
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult, RecordingAgreement
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.progress import Stopwatch

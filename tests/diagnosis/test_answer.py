@@ -12,15 +12,8 @@ from idim_iv_ros.diagnosis.answer.causes import strongest_first, verdict_of
 from idim_iv_ros.diagnosis.answer.explained import unexplained_residual
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    Evidence,
-    Gap,
-    JointChange,
-    JointGap,
-    Stage,
-    Unexplained,
-)
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange, Unexplained
+from idim_iv_ros.diagnosis.result.document import JointGap, Stage
 from idim_iv_ros.diagnosis.sentences import largest_gap
 from idim_iv_ros.effects.parametric_effect import Change, Estimated
 from idim_iv_ros.effects.registry import parameter_words

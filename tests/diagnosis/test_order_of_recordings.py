@@ -10,7 +10,7 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, record
 from idim_iv_ros.diagnosis.diagnose import diagnose
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.report.page import gap_report_html

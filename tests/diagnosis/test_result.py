@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from idim_iv_ros.diagnosis.result import GapResult, Regime, Transmission, Where
+from idim_iv_ros.diagnosis.result.document import GapResult, Regime, Where
+from idim_iv_ros.diagnosis.result.recordings import Transmission
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.report.write import write_report

@@ -17,7 +17,8 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
-from idim_iv_ros.diagnosis.result import GapResult, Transmission
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.diagnosis.result.recordings import Transmission
 from idim_iv_ros.diagnosis.sentences import transmission
 from idim_iv_ros.diagnosis.transmission import (
     Measured,

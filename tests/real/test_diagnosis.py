@@ -13,7 +13,8 @@ import pytest
 
 from idim_iv_ros import load_configuration
 from idim_iv_ros.diagnosis.diagnose import diagnose
-from idim_iv_ros.diagnosis.result import Cause, GapResult
+from idim_iv_ros.diagnosis.result.causes import Cause
+from idim_iv_ros.diagnosis.result.document import GapResult
 from tests.real.recordings import TX40, emps_bag, tx40_bag, tx40_configuration
 
 # Independent least squares, directions apart: Fv+ 166.71, Fv- 240.42, Fc+ 20.14, Fc- 20.63.

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from idim_iv_ros.diagnosis.refit.refit import refitted
-from idim_iv_ros.diagnosis.result import Transmission
+from idim_iv_ros.diagnosis.result.recordings import Transmission
 from idim_iv_ros.diagnosis.transmission import measured_transmissions
 from idim_iv_ros.identification.check import check
 from idim_iv_ros.identification.prepare import read_configured

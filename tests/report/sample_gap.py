@@ -6,26 +6,30 @@ from typing import Literal
 import numpy as np
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import (
     Cause,
-    ContrastCause,
-    ContrastResult,
     Evidence,
     Gap,
-    GapResult,
-    GapSeries,
     Hint,
     Indistinguishable,
-    JointContrast,
+    SimulationGap,
+    Unexplained,
+)
+from idim_iv_ros.diagnosis.result.document import (
+    GapResult,
+    GapSeries,
     JointGap,
-    JointTorque,
     NotTestable,
     Regime,
-    SimulationGap,
     Stage,
     TrackingSeries,
-    Unexplained,
     Where,
+)
+from idim_iv_ros.diagnosis.result.recordings import (
+    ContrastCause,
+    ContrastResult,
+    JointContrast,
+    JointTorque,
 )
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.types import FloatArray

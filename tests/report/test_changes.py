@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.diagnosis.result import GapResult, Transmission, TransmissionSeries
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.identification.result import JointSeries
 from idim_iv_ros.model import DynamicParameters

@@ -6,7 +6,9 @@ from dataclasses import replace
 import pytest
 
 from idim_iv_ros.configuration import load_configuration
-from idim_iv_ros.diagnosis.result import Difference, GapResult, ParameterError, RecordingAgreement
+from idim_iv_ros.diagnosis.result.causes import ParameterError
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.diagnosis.result.recordings import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.report.advice import (
     contrast_steps,

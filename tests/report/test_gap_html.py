@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.result import GapResult, Where
+from idim_iv_ros.diagnosis.result.document import GapResult, Where
 from idim_iv_ros.excitation.segments import separating_motion
 from idim_iv_ros.report.figures import typed
 from idim_iv_ros.report.page import gap_report_html

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.page import gap_report_html, report_html
 from tests.report.sample_gap import CASES as DIAGNOSES

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from idim_iv_interfaces.msg import GapReport, InstrumentTest, ResidualDiagnosis
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.identification.result import NOT_SIGNIFICANT
 from idim_iv_ros.nodes.identifier.estimate_history import (

@@ -12,7 +12,7 @@ import pytest
 
 from idim_iv_ros import export
 from idim_iv_ros.configuration import Configuration, load_configuration
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.model import InverseModel, build_inverse_model, kinematics_digest, read_urdf_file
 from idim_iv_ros.physical import nearest_physical

@@ -18,7 +18,7 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import Difference, RecordingAgreement
+from idim_iv_ros.diagnosis.result.recordings import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME

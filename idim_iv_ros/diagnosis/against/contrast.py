@@ -33,10 +33,10 @@ from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_chec
 from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, proposals, refit_of, rows_of
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import Evidence
+from idim_iv_ros.diagnosis.result.recordings import (
     ContrastCause,
     ContrastResult,
-    Evidence,
     JointContrast,
     JointTorque,
 )

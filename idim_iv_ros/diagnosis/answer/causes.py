@@ -12,7 +12,7 @@ from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.result import (
+from idim_iv_ros.diagnosis.result.causes import (
     Cause,
     Evidence,
     Gap,
@@ -21,8 +21,8 @@ from idim_iv_ros.diagnosis.result import (
     ParameterError,
     SimulationGap,
     Unexplained,
-    Verdict,
 )
+from idim_iv_ros.diagnosis.result.document import Verdict
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.types import FloatArray

@@ -18,7 +18,8 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
-from idim_iv_ros.diagnosis.result import Stage, Unexplained
+from idim_iv_ros.diagnosis.result.causes import Unexplained
+from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import Shape

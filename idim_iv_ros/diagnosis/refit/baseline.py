@@ -23,7 +23,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, with_law_speed
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, dynamics_of, smooth_motions
-from idim_iv_ros.diagnosis.result import JointChange
+from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv

@@ -19,15 +19,9 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, nominal_res
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks, stage_of
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turning_friction
-from idim_iv_ros.diagnosis.result import (
-    Cause,
-    Evidence,
-    Gap,
-    JointChange,
-    NotTestable,
-    SignalChain,
-    Stage,
-)
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange
+from idim_iv_ros.diagnosis.result.document import NotTestable, Stage
+from idim_iv_ros.diagnosis.result.recordings import SignalChain
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.recording.recording import Recording

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from idim_iv_ros.diagnosis.diagnose import diagnose
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.registry import EFFECTS
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.identification.identify import identify

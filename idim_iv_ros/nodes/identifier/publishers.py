@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from idim_iv_interfaces import msg
 from idim_iv_interfaces.srv import GetHistory, SetBaseline
-from idim_iv_ros.diagnosis.result import GapResult, Stage
+from idim_iv_ros.diagnosis.result.document import GapResult, Stage
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.files import GAP, REPORT, RESULT

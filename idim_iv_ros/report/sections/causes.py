@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from idim_iv_ros.diagnosis.result import Cause, ContrastResult, Gap, GapResult, Hint
+from idim_iv_ros.diagnosis.result.causes import Cause, Gap, Hint
+from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.diagnosis.result.recordings import ContrastResult
 from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.excitation.segments import separating_motion

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import GapResult, GapSeries, Transmission, TransmissionSeries
+from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.report.figures import (
     BACKWARD,

@@ -7,7 +7,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.gap_words import untestable

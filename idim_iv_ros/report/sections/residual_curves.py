@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import GapResult, GapSeries
+from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
 from idim_iv_ros.report.figures import (
     BACKWARD,
     BACKWARD_BAND,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from idim_iv_ros.diagnosis.result import GapResult, Regime, Stage
+from idim_iv_ros.diagnosis.result.document import GapResult, Regime, Stage
 from idim_iv_ros.report.gap_words import AXES, regime_range, small_unit, stage_words, torque_unit
 from idim_iv_ros.report.numerals import is_interval, is_number, number, percent
 from idim_iv_ros.report.section import Report, Section

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import GapResult, TrackingSeries
+from idim_iv_ros.diagnosis.result.document import GapResult, TrackingSeries
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.figures import (
     BLUE,

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result import GapResult
+from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.skeleton import Skeleton
 from idim_iv_ros.report.advice import (

@@ -1,0 +1,1 @@
+"""What a diagnosis found: the document gap.json and what it consists of."""
