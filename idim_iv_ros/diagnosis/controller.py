@@ -7,18 +7,13 @@ errors of the recording with their likely sizes, its candidates the groups of th
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
-from idim_iv_ros.diagnosis.comparison.named_columns import (
-    NamedColumns,
-    ledger_of_rows,
-    supported,
-)
+from idim_iv_ros.diagnosis.comparison.named_columns import NamedColumns, ledger_of_rows, supported
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import rms
@@ -30,18 +25,17 @@ from idim_iv_ros.diagnosis.refit.command_rows import (
     LawSpeed,
     away_from_events,
     events_in,
+    law_speed,
 )
-from idim_iv_ros.diagnosis.refit.law_speed import law_speed
-from idim_iv_ros.diagnosis.refit.signal_chain import delay_of_all, is_beyond_control
+from idim_iv_ros.diagnosis.refit.refit import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
-from idim_iv_ros.effects.cause import EffectParameter, Parameters
+from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray
 
-_ON_TIME = EffectParameter(0.0, 0.0, "s")
-_NO_JOINTS: Mapping[str, EffectParameter] = MappingProxyType({})
+_ON_TIME, _POSITIVE = EffectParameter(0.0, 0.0, "s"), EffectParameter(1.0, 0.0, "")
 _SAME_NUMBER = 0.1  # relative: what instruments change of it is a detail of the law
 _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing else would be likely
 
@@ -149,7 +143,7 @@ def law_change(every: CommandRows) -> LawChange:
     rows = every
     # A pulse is plain where the law holds, and where it does not beside what all groups leave.
     for more in ([], [rows.errors, *rows.groups.values()]):
-        rest = independent_basis(np.column_stack([rows.constants, *more])).remove(rows.rest)
+        rest = rows.left_by(*more)
         if rms(rest) >= settings.LAW_LEAST_DIFFERENCE * rows.size:
             calm = away_from_events(rest, rows.recording, rows.time)
             if not calm.all():
@@ -227,7 +221,7 @@ def check_law(
     without: Collection[str] = (),
     *,
     shift: EffectParameter = _ON_TIME,
-    of_joints: Mapping[str, EffectParameter] = _NO_JOINTS,
+    of_joints: Mapping[str, EffectParameter] | None = None,
 ) -> LawCheck:
     """Compare the recorded efforts with the configured law on the measured motion.
 
@@ -245,40 +239,48 @@ def check_law(
     if CONTROL_LAW.name in without or why_not_checked(data):
         return LawCheck()
     commands, speed, joints = shown_law(data)
-    longest_lag = settings.LONGEST_LAG * commands.period
-    usual = longest_lag + data.prepared.configuration.controller.delay - shift.value
-    joints = {
-        joint: change
-        if _is_possible(CONTROL_LAW.parameters(commands.law, joint, change.changes))
-        else replace(change, terms=())
-        for joint, change in joints.items()
-    }
+    law, period = commands.law, commands.period
+    configured = data.prepared.configuration.controller.delay
+    longest_lag = settings.LONGEST_LAG * period
+    usual = longest_lag + configured - shift.value
+    for joint, change in joints.items():
+        # A loop holds its joint: its stiffness is surely positive, its damping not surely negative.
+        numbers = CONTROL_LAW.parameters(law, joint, change.changes)
+        stiffness, damping = (numbers.get(name, _POSITIVE) for name in ("kp", "kd"))
+        least = stiffness.value - settings.NORMAL_95 * (stiffness.std or 0.0)
+        most = damping.value + settings.NORMAL_95 * (damping.std or 0.0)
+        if least <= 0.0 or most < 0.0:
+            joints[joint] = replace(change, terms=())
     followed = [change for change in joints.values() if change.is_followed]
     longest, shared = _shared_lag(commands, followed, max(usual, longest_lag))
     causes, gains, beyond = [], {}, []
     for joint, change in joints.items():
-        theirs = of_joints.get(data.joints[joint], shift)
+        theirs = (of_joints or {}).get(data.joints[joint], shift)
         behind = max(shift.value - theirs.value, 0.0)
         behind += settings.CLEAR_DEVIATIONS * (theirs.std or 0.0) if behind > 0.0 else 0.0
-        changes, cause = _cause(data, commands.law, joint, change, longest + behind)
+        changes, cause = _cause(data, law, joint, change, longest + behind)
         if cause is not None:
             causes.append(cause)
         if set(changes) == {CONTROL_LAW.whole}:
             gains[data.joints[joint]] = changes[CONTROL_LAW.whole][0]
         if not change.is_followed:
             rest, rows = change.beyond, change.every
-            sizes = rms(rest), rows.size
             events = events_in(rest, rows.recording, rows.time)
-            beyond.append(sentences.beyond_the_law(data, joint, sizes, events))
+            beyond.append(sentences.beyond_the_law(data, joint, rms(rest), rows.size, events))
     delay: tuple[Cause, ...] = ()
     if shared is not None:
-        configured = data.prepared.configuration.controller.delay
         std = float(np.hypot(shared.std or 0.0, shift.std or 0.0))
         late = EffectParameter(shared.value + shift.value - configured, std, "s")
-        if is_beyond_control(late.value, std, commands.period):
+        if is_beyond_control(late.value, std, period):
             before = [change.left_of_lag(max(usual, 0.0)) for change in followed]
             after = [change.before for change in followed]
-            said = sentences.commands_late(late, shared.value, commands.period)
+            said = (
+                f"time delay of all joints: efforts act {1e3 * late.value:.2g} ± "
+                f"{1e3 * settings.NORMAL_95 * std:.2g} ms "
+                f"({late.value / period:.2g} control periods) after the configured law gives them "
+                f"from the recorded motion, and are recorded {1e3 * shared.value:.2g} ms after it: "
+                "the loop takes that long, or a filter is in it"
+            )
             delay = (delay_of_all(late, before, after, said),)
     noisy = tuple(data.joints[joint] for joint, change in joints.items() if change.too_noisy)
     return LawCheck(tuple(causes), gains, speed, tuple(beyond), delay, noisy)
@@ -302,18 +304,6 @@ def shown_law(data: Baseline) -> tuple[LawCommands, LawSpeed, dict[int, LawChang
             least = _UNSURE * rows.size * np.random.default_rng(0).normal(size=len(rows.rest))
             joints[joint] = law_change(replace(rows, rest=rows.rest + least))
     return commands, speed, joints
-
-
-def _is_possible(gains: Parameters) -> bool:
-    """Whether a loop with these gains holds its joint: it answers errors, and drives no motion.
-
-    Its stiffness is surely positive, and its damping not surely negative.
-    """
-    usual = EffectParameter(1.0, 0.0, "")
-    stiffness, damping = gains.get("kp", usual), gains.get("kd", usual)
-    least = stiffness.value - settings.NORMAL_95 * (stiffness.std or 0.0)
-    most = damping.value + settings.NORMAL_95 * (damping.std or 0.0)
-    return least > 0.0 and most >= 0.0
 
 
 def _shared_lag(
@@ -355,13 +345,19 @@ def _cause(
     # integral that winds up where the torque is limited, a reference of another controller.
     if after >= min(before, change.every.size):
         return {}, None
-    cause = Cause(
+    name, numbers = data.joints[joint], CONTROL_LAW.parameters(law, joint, changes)
+    parameters = data.in_units_at(joint, numbers)
+    sentence = (
+        f"another control law than configured at {name}: recorded and computed commands differ by "
+        f"{sentences.torque(data, before, name)}, and by {sentences.torque(data, after, name)} "
+        f"with {sentences.listed_numbers(CONTROL_LAW.name, parameters)}"
+    )
+    return changes, Cause(
         effect=CONTROL_LAW.name,
         kind="structural",
-        joint=data.joints[joint],
-        sentence="",
-        parameters=data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes)),
+        joint=name,
+        sentence=sentence,
+        parameters=parameters,
         evidence=Evidence(statistic),
         torque_gap=Gap.between(before, after),
     )
-    return changes, replace(cause, sentence=sentences.controller_cause(data, cause))

@@ -38,7 +38,7 @@ from idim_iv_ros.diagnosis.refit.refit import Refit, refitted
 from idim_iv_ros.diagnosis.result.document import GapResult, GapSeries
 from idim_iv_ros.diagnosis.result.recordings import RecordingAgreement
 from idim_iv_ros.diagnosis.tracking import simulation_gaps, tracked_stages, tracking_series
-from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions, with_transmissions
+from idim_iv_ros.diagnosis.transmission import measured_transmissions, with_transmissions
 from idim_iv_ros.diagnosis.where import motion_at_rows, where
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.signals import AutoregressiveModel
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import FloatArray
 
 _SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone
 _LARGEST_TORQUE = 1e6  # N m, from which on a shape's transmission has run away
@@ -57,18 +57,25 @@ class Absorption:
 
 
 def detectability(
-    absorption: Absorption,
-    effect: Effect,
-    shapes: Sequence[tuple[Shape, Columns]],
-    joint: int,
-    covered: JointRange,
+    data: Baseline, absorption: Absorption, effect: Effect, place: Place, made: Made
 ) -> tuple[str, str]:
     """Why the motion does not show an effect, and from which size on it would; empty if it does.
 
-    An effect that shows only from an implausible size on (`Effect.plausible`) is not shown.
-
-    `absorption`: by the refit; `shapes`: some of the effect, each with its columns.
+    An effect that shows only from an implausible size on (`Effect.plausible`) is not shown. A few
+    shapes are tried, from all over the grid, that are possible on the motion.
     """
+    joint, covered = place.joint, data.covered[place.joint]
+    grid = effect.grid(covered)
+    spread = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
+    tried = {grid[k]: made(effect, place, grid[k]) for k in np.unique(spread)} if grid else {}
+    missing = [shape for shape, table in tried.items() if table is None]
+    tried.update(zip(missing, rows_of(data, effect, place, missing), strict=True))
+    shapes = [
+        (shape, table)
+        for shape, table in tried.items()
+        if table is not None
+        and all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
+    ]
     if not shapes:
         return "no shape of it is possible on this motion", ""
     needed, least_absorbed = max(_NONCENTRALITY, _LEAST_SHARE * len(absorption.joints[joint])), 1.0
@@ -79,11 +86,21 @@ def detectability(
         least_absorbed = min(least_absorbed, 1.0 - float(share.max()))
         at_joint = columns.get(joint)
         largest = np.zeros(len(rest)) if at_joint is None else np.abs(at_joint).max(axis=0)
-        seen = _smallest(effect, rest, share > 1.0 - settings.ABSORBED, largest, needed)
-        if seen is None:
+        # Coefficients at which each column alone is just seen; one where the shape is the size.
+        sizes = np.sqrt(needed / np.maximum(rest, _TINY))
+        sizes[share <= 1.0 - settings.ABSORBED] = np.inf
+        most = _MOST_SCALED if effect.size_in == "scale" else np.inf
+        if effect.size_in == "shape":
+            sizes = np.where(sizes <= 1.0, 1.0, np.inf)
+        else:
+            sizes[(largest <= 0.0) | (sizes > most)] = np.inf
+        column = int(np.argmin(sizes * np.maximum(largest, _TINY)))
+        if not np.isfinite(sizes[column]):
             continue
-        coefficients, torque = seen
-        size = shape.numbers[0] if effect.size_in == "shape" else torque
+        coefficients = np.where(np.arange(len(sizes)) == column, sizes, 0.0)
+        size = torque = float(sizes[column] * largest[column])
+        if effect.size_in == "shape":
+            size, torque = shape.numbers[0], 0.0
         plausible = effect.plausible(shape, coefficients, torque, covered)
         options.append((not plausible, size, effect.size_in_words(shape, coefficients, torque)))
     if least_absorbed > settings.ABSORBED:
@@ -97,29 +114,6 @@ def detectability(
         if implausible
         else ("", "")
     )
-
-
-def _smallest(
-    effect: Effect, rest: FloatArray, shown: BoolArray, largest: FloatArray, needed: float
-) -> tuple[FloatArray, float] | None:
-    """Coefficients (k,) at which one column is just seen, and their torque, N m (N), if one is.
-
-    `rest`: (k,) energy of unit columns that the model leaves; `shown`: (k,) columns that the model
-    does not absorb; `largest`: (k,) largest torque of unit columns at the joint, N m (N); `needed`:
-    energy at which an effect is seen.
-    """
-    if effect.size_in == "shape":
-        return (np.ones(1), 0.0) if shown[0] and rest[0] >= needed else None
-    size = np.sqrt(needed / np.maximum(rest, _TINY))
-    size[~shown | (largest <= 0.0)] = np.inf
-    if effect.size_in == "scale":
-        size[size > _MOST_SCALED] = np.inf
-    column = int(np.argmin(size * np.maximum(largest, _TINY)))
-    if not np.isfinite(size[column]):
-        return None
-    coefficients = np.zeros(len(size))
-    coefficients[column] = size[column]
-    return coefficients, float(size[column] * largest[column])
 
 
 def cannot_show(effect: Effect, covered: JointRange) -> str:
@@ -172,8 +166,7 @@ def not_shown_by_motion(
             for place in places[:1]:
                 reason, smallest = cannot_show(effect, covered), ""
                 if not reason:
-                    shapes = _shaped(data, effect, place, made)
-                    reason, smallest = detectability(absorption, effect, shapes, joint, covered)
+                    reason, smallest = detectability(data, absorption, effect, place, made)
                 if reason:
                     needed = _TORQUE if covered.left_out else effect.excitation
                     words = (data.unit_at(joint, text) for text in (reason, needed, smallest))
@@ -189,21 +182,3 @@ def floor_noise_models(fit: Fit, floors: Sequence[NoiseFloor]) -> tuple[Autoregr
         else replace(noise, innovation_variance=floor.sigma**2)
         for noise, floor in zip(fit.noise_models, floors, strict=True)
     )
-
-
-def _shaped(
-    data: Baseline, effect: Effect, place: Place, made: Made
-) -> list[tuple[Shape, Columns]]:
-    """A few shapes from all over the grid that are possible on the motion, with their columns."""
-    grid = effect.grid(data.covered[place.joint])
-    places = np.linspace(0, max(len(grid) - 1, 0), _SPREAD_SHAPES).round().astype(int)
-    shapes = [grid[k] for k in np.unique(places)] if grid else []
-    columns = {shape: made(effect, place, shape) for shape in shapes}
-    missing = [shape for shape, table in columns.items() if table is None]
-    columns.update(zip(missing, rows_of(data, effect, place, missing), strict=True))
-    return [
-        (shape, table)
-        for shape, table in columns.items()
-        if table is not None
-        and all(np.max(np.abs(rows), initial=0.0) < _LARGEST_TORQUE for rows in table.values())
-    ]

@@ -104,7 +104,14 @@ class Regression:
 
         Columns of which less than 1e-6 is independent of those before them are left out.
         """
-        current = self._first_noise_models() if noise_models is None else tuple(noise_models)
+        if noise_models is None:  # white noise, of the size that least squares leaves
+            left = []
+            for rows in self.extended:
+                basis = independent_basis(rows.r_factor[:, :-1], tolerance=NOT_SHOWN)
+                values = basis.solve(rows.r_factor[:, -1], len(rows.columns))
+                left.append(rows.torque - rows.matrix @ values)
+            noise_models = list(map(white_noise, self.joints, left))
+        current = tuple(noise_models)
         for step in range(steps + 1):
             basis, torque = self.whitened_basis(current)
             solution = basis.solve(torque, self.total)
@@ -141,15 +148,6 @@ class Regression:
     def fitted(self) -> Fit:
         """`fit` from white noise: several steps ask for the same."""
         return self.fit()
-
-    def _first_noise_models(self) -> tuple[AutoregressiveModel, ...]:
-        """White noise, of the size that least squares leaves."""
-        residuals = []
-        for rows in self.extended:
-            basis = independent_basis(rows.r_factor[:, :-1], tolerance=NOT_SHOWN)
-            values = basis.solve(rows.r_factor[:, -1], len(rows.columns))
-            residuals.append(rows.torque - rows.matrix @ values)
-        return tuple(map(white_noise, self.joints, residuals))
 
 
 def white_noise(rows: JointRows, residual: FloatArray) -> AutoregressiveModel:

@@ -34,21 +34,19 @@ _RIGID = 1e12
 def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     """Where an effect is, how large, how probable, and how far the gap shrinks.
 
-    `cause`: all of it but its sentence. `meaning`: which kind of the effect it is, in words; empty
-    where there is one kind only.
+    `meaning`: which kind of the effect it is, in words; empty where there is one kind only.
     """
     assert cause.joint is not None
-    where = " and ".join(filter(None, (cause.joint, cause.other_joint)))
-    gap = cause.torque_gap
-    text = (
+    where, gap = " and ".join(filter(None, (cause.joint, cause.other_joint))), cause.torque_gap
+    floor = gap.noise_floor
+    noise = "" if floor is None else f" (noise {torque(data, floor, cause.joint)})"
+    return (
         f"{spaced(cause.effect)} at {where}{meaning and f' ({meaning})'}, "
         f"{likely(cause.probability)}: {listed_numbers(cause.effect, cause.parameters)}; the "
         f"torque gap at {cause.joint} falls from {gap.before:.3g} to "
-        f"{torque(data, gap.after, cause.joint)} on data not used to fit it"
+        f"{torque(data, gap.after, cause.joint)} on data not used to fit it{noise}"
+        f"{or_else(cause.indistinguishable_from)}"
     )
-    if gap.noise_floor is not None:
-        text += f" (noise {torque(data, gap.noise_floor, cause.joint)})"
-    return text + or_else(cause.indistinguishable_from)
 
 
 def likely(probability: float | None) -> str:
@@ -60,8 +58,7 @@ def likely(probability: float | None) -> str:
 
 def hint(effect: str, joints: Sequence[str], parameters: Parameters, reason: str) -> str:
     """Say what a doubtful effect would be, and why it is no cause."""
-    numbers = listed_numbers(effect, parameters)
-    more = numbers and f" ({numbers})"
+    more = f" ({listed_numbers(effect, parameters)})" if parameters else ""
     return f"{spaced(effect)} at {' and '.join(joints)}{more}: only a hint, {reason}"
 
 
@@ -78,34 +75,36 @@ def disagreement(recordings: Sequence[RecordingAgreement], used: Sequence[str]) 
         f"{placed(one.effect, one.joint)} ({listed_numbers(one.effect, one.parameters, 1)})"
         for one in first.differences
     ]
-    more = _and_more(differing, "recording")
     rest = "all other numbers are means"
     if len(used) < len(recordings):
         rest = f"all else is of {first_of(used, _MOST_NUMBERS)}"
     return (
         f"one set of parameters does not hold for all recordings: {first.bag} differs by "
         f"{100.0 * first.share_of_torque:.3g} % of the torque at {first.joint} "
-        f"({first_of(causes, _MOST_NUMBERS)}){more}; {rest}"
+        f"({first_of(causes, _MOST_NUMBERS)}){_and_more(differing, 'recording')}; {rest}"
     )
 
 
 def parametric_cause(data: Baseline, cause: Cause, effect: ParametricEffect) -> str:
     """Which parameters are in error, by how much, and what correcting them takes of the gap."""
-    place = cause.joint and cause.joint + effect.which(data.joints.index(cause.joint))
+    joint = cause.joint
+    place = f"{joint}{effect.which(data.joints.index(joint))}" if joint else None
     # Of a cause of no single joint all: one for each joint.
-    most = None if cause.joint else len(cause.parameters)
+    most = None if joint else len(cause.parameters)
     size = listed_numbers(cause.effect, cause.parameters, most)
-    text = f"{effect.subject(place or '')}, {likely(cause.probability)}: {size}"
-    mass = cause.parameters.get("mass")
-    if mass is not None and mass.value < 0.0:
+    text = (
+        f"{placed(cause.effect, place)} differs from the nominal model, "
+        f"{likely(cause.probability)}: {size}"
+    )
+    if "mass" in cause.parameters and cause.parameters["mass"].value < 0.0:
         text += " (negative: a part that the nominal model has is not mounted)"
     smaller = [change for change in cause.joint_gaps if change.share_of_torque > 0.0]
     if smaller:
-        most_changed = max(smaller, key=lambda change: change.share_of_torque)
+        largest = max(smaller, key=lambda change: change.share_of_torque)
         text += (
-            f"; correcting it reduces the torque gap at {most_changed.joint} from "
-            f"{most_changed.before:.3g} to {torque(data, most_changed.after, most_changed.joint)} "
-            f"({100.0 * most_changed.share_of_torque:.3g} % of its torque)"
+            f"; correcting it reduces the torque gap at {largest.joint} from {largest.before:.3g} "
+            f"to {torque(data, largest.after, largest.joint)} "
+            f"({100.0 * largest.share_of_torque:.3g} % of its torque)"
             f"{_and_more(smaller, 'joint', ' at')}"
         )
     return text + or_else(cause.indistinguishable_from)
@@ -132,55 +131,26 @@ def reversals(configuration: Configuration, data: Baseline) -> str:
     counting = margin < REVERSAL_MARGIN
     if given is not None and (data.sticking or not counting):
         return ""
-    reason = "the closed loop is not simulated"
-    if data.estimate.failures:
-        reason = f"the closed loop cannot be simulated: {data.estimate.failures[0]}"
-    elif configuration.controller.type == "unknown":
-        reason = "the control law is not configured, and none that was fitted is simulated"
-    why = f"it is not known where joints stick, for {reason}"
-    if data.sticking and counting:
-        why = "the closed loop is simulated, which shows where joints stick"
-    which = "count with the sign of the speed" if counting and not data.sticking else "count"
-    return (
-        f"rows beside a reversal {which if counting else 'do not count'} "
-        f"(processing.reversal_margin {margin:g} {'proposed' if given is None else 'configured'}): "
-        f"{why}"
-    )
-
-
-def controller_cause(data: Baseline, cause: Cause) -> str:
-    """Commands that are not those of the configured law, and with which law they are."""
-    assert cause.joint is not None
-    gap = cause.torque_gap
-    return (
-        f"another control law than configured at {cause.joint}: recorded and computed commands "
-        f"differ by {torque(data, gap.before, cause.joint)}, and by "
-        f"{torque(data, gap.after, cause.joint)} with "
-        f"{listed_numbers(cause.effect, cause.parameters)}"
-    )
-
-
-def commands_late(delay: EffectParameter, recorded: float, period: float) -> str:
-    """Torque that acts later than a control of this period (s) makes it, `recorded` on the way."""
-    assert delay.std is not None
-    half = 1e3 * settings.NORMAL_95 * delay.std
-    return (
-        f"time delay of all joints: efforts act {1e3 * delay.value:.2g} ± {half:.2g} ms "
-        f"({delay.value / period:.2g} control periods) after the configured law gives them from "
-        f"the recorded motion, and are recorded {1e3 * recorded:.2g} ms after it: the loop takes "
-        "that long, or a filter is in it"
-    )
+    which, why = "count", "the closed loop is simulated, which shows where joints stick"
+    if not data.sticking or not counting:
+        which = "count with the sign of the speed" if counting else "do not count"
+        reason = "the closed loop is not simulated"
+        if data.estimate.failures:
+            reason = f"the closed loop cannot be simulated: {data.estimate.failures[0]}"
+        elif configuration.controller.type == "unknown":
+            reason = "the control law is not configured, and none that was fitted is simulated"
+        why = f"it is not known where joints stick, for {reason}"
+    origin = "proposed" if given is None else "configured"
+    return f"rows beside a reversal {which} (processing.reversal_margin {margin:g} {origin}): {why}"
 
 
 def beyond_the_law(
-    data: Baseline, joint: int, sizes: tuple[float, float], events: Sequence[LawEvent]
+    data: Baseline, joint: int, beyond: float, command: float, events: Sequence[LawEvent]
 ) -> str:
-    """What a joint's commands hold beyond the law and its changes.
+    """What a joint's commands hold `beyond` the law and its changes, rms, N m (N).
 
-    `sizes`: RMS of that and of the command, N m (N). `events`: the largest first; empty where it
-    acts all the time.
+    `command`: rms of the command. `events`: the largest first; empty where it acts all the time.
     """
-    beyond, command = sizes
     unit = data.unit_at(joint, "N m")
     text = (
         f"the commands of {data.joints[joint]} hold {beyond:.3g} {unit} rms "
@@ -198,17 +168,15 @@ def beyond_the_law(
 
 def transmission(measured: Transmission, effect: str = "") -> str:
     """All that encoders before and behind a gear say of it, or of an effect that they measure."""
-    what = f"gear of {measured.joint}"
+    what, unit = f"gear of {measured.joint}", f"m{measured.unit}"
     if effect:
         what = f"{spaced(effect)} at {measured.joint}, measured by the encoder behind the gear"
-    unit = f"m{measured.unit}"
     if measured.time_offset is None:
         return f"{what}: {measured.reason}"
     least, most = measured.stiffness_at_least, measured.backlash_at_most
     if measured.stiffness is not None:
-        text = f"stiffness {with_interval(measured.stiffness)}"
-        if measured.damping is not None:
-            text += f", damping {with_interval(measured.damping)}"
+        damping = measured.damping and f", damping {with_interval(measured.damping)}"
+        text = f"stiffness {with_interval(measured.stiffness)}{damping or ''}"
     else:
         text = f"no stiffness is measured, {measured.reason}"
         if least is not None and least < _RIGID:
@@ -226,18 +194,9 @@ def transmission(measured: Transmission, effect: str = "") -> str:
         )
     if measured.position_error:
         text += "; an error of an encoder over the position was taken out"
-    offset = measured.time_offset
-    late = "late" if offset.value >= 0.0 else "early"
+    late, offset = "late" if measured.time_offset.value >= 0.0 else "early", measured.time_offset
     size = with_interval(replace(offset, value=abs(offset.value)), 1e3, "ms")
     return f"{what}: {text}; the link is read {size} {late}, which is no elasticity"
-
-
-def refuted(measured: Transmission, effect: str) -> str:
-    """Which effect on the torque the encoder behind the gear excludes."""
-    return (
-        f"on the torque alone an {effect} at {measured.joint} would help; the encoder behind the "
-        f"gear excludes one of that size ({transmission(measured)})"
-    )
 
 
 def remaining_parameter_errors(
@@ -248,11 +207,11 @@ def remaining_parameter_errors(
         return ""
     worst, numbers = errors[0], [h for h in hints if BY_NAME[h.effect].kind == "parametric"]
     which = " or ".join(placed(number.effect, number.joint, "at") for number in numbers)
-    more = _and_more(errors, "joint", " at")
+    perhaps = f"perhaps {which}" if which else "no given number stands out"
     return (
         f"remaining parameter error: {torque(data, worst.remaining, worst.joint)} at {worst.joint} "
-        f"({100.0 * worst.share_of_torque:.3g} % of its torque){more}: "
-        f"{f'perhaps {which}' if which else 'no given number stands out'}"
+        f"({100.0 * worst.share_of_torque:.3g} % of its torque)"
+        f"{_and_more(errors, 'joint', ' at')}: {perhaps}"
     )
 
 
@@ -276,10 +235,10 @@ def nonparametric(data: Baseline, term: Term) -> str:
         name = spaced(effect.name)
         return f"{data.joints[joint]}: a torque like that of {name}, which it cannot be (see hints)"
     text, shape = f"{data.joints[joint]}: a torque that {effect.words}", term.shape
-    if not isinstance(shape, StopShape):
-        return text
-    side = "above" if shape.side > 0 else "below"
-    return f"{text}, {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
+    if isinstance(shape, StopShape):
+        side = "above" if shape.side > 0 else "below"
+        text += f", {side} {shape.position:.3g} {data.unit_at(joint, 'rad')}"
+    return text
 
 
 def small_nonparametric(data: Baseline, term: Term) -> str:
@@ -319,15 +278,11 @@ def summary(sentences: Sequence[str]) -> str:
     `sentences`: the weightiest first; empty ones are left out. What does not fit stands in the
     tables.
     """
-    kept: list[str] = []
-    words = 0
+    text = ""
     for sentence in filter(None, sentences):
-        count = len(sentence.split())
-        if kept and words + count > settings.WORDS_OF_SUMMARY:
-            continue
-        words += count
-        kept.append(f"{capitalised(sentence.rstrip('.'))}.")
-    return " ".join(kept)
+        if not text or len(f"{text} {sentence}".split()) <= settings.WORDS_OF_SUMMARY:
+            text = f"{text} {capitalised(sentence.rstrip('.'))}.".strip()
+    return text
 
 
 def largest_gap(gaps: Sequence[JointGap], model: str) -> str:
@@ -385,10 +340,10 @@ def not_in_catalogue(unexplained: Unexplained | None, hints: Sequence[Hint]) -> 
     if unexplained.family != "event":  # of events `where` says the share
         text += f"; it explains {100 * unexplained.share:.0f} % of the refit's residual there"
     likeliest = unexplained.likeliest(hints)
-    if likeliest is None or likeliest.probability is None:
+    if likeliest is None:
         return f"not in the catalogue: {text}"
-    likelihood = f"{100.0 * likeliest.probability:.0f} %"
-    return f"no cause is certain there: {text}; it may be {spaced(likeliest.effect)} ({likelihood})"
+    odds = f"{100.0 * (likeliest.probability or 0.0):.0f} %"
+    return f"no cause is certain there: {text}; it may be {spaced(likeliest.effect)} ({odds})"
 
 
 def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str:

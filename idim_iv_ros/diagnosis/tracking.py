@@ -45,10 +45,7 @@ class Tracking:
 
     @cached_property
     def block_energies(self) -> FloatArray:
-        """Squared errors of each joint over time, and time, in blocks of it: (b, n_joints + 1).
-
-        An error counts for the time that its sample lasts.
-        """
+        """Squared errors of each joint over time, and time, in blocks of it: (b, n_joints + 1)."""
         sums = []
         for error, motion in zip(self.errors, self.data.prepared.motions, strict=True):
             rate = motion.signals.rate
@@ -117,14 +114,25 @@ def tracking_series(before: Tracking, after: Tracking) -> tuple[TrackingSeries, 
 
 
 def tracked_stages(explanation: Explained) -> list[Tracking]:
-    """Tracking of the nominal model, of the refit, and of that with one effect more each time."""
+    """Tracking of the nominal model, of the refit, and of that with one effect more each time.
+
+    The effects are as the simulator takes them, with the coefficients beside all others.
+    """
     data, given = explanation.data, explanation.data.prepared.given
     tracked = [] if given is None else [simulated_tracking(data, given)]
+    tracked.append(simulated_tracking(data, explanation.fits[0].values))
     effects: list[SimulatedEffect] = []
-    for number, fit in enumerate(explanation.fits):
-        effects += [_simulated_effect(explanation, number - 1)] if number > 0 else []
+    blocks = explanation.regression.blocks
+    parts = zip(explanation.effects, blocks, explanation.fits[1:], strict=True)
+    for effect, block, fit in parts:
+        term, coefficients = effect.term, explanation.fit.coefficients[block]
+        numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
+        values = {name: parameter.value for name, parameter in numbers.items()}
+        joint, other = data.joints[term.place.joint], term.place.other
+        second = None if other is None else data.joints[other]
+        effects.append(SimulatedEffect(term.effect.name, joint, values, second))
         tracked.append(simulated_tracking(data, fit.values, effects))
-        if number > 0 and tracked[-1].note and not tracked[-2].note:
+        if tracked[-1].note and not tracked[-2].note:
             # The stages that follow do without it, rather than without any simulation.
             dropped = effects.pop()
             kept = simulated_tracking(data, fit.values, effects)
@@ -132,19 +140,6 @@ def tracked_stages(explanation: Explained) -> list[Tracking]:
                 caveat = f"simulated without {dropped.effect}: {tracked[-1].note}"
                 tracked[-1] = replace(kept, caveat=caveat)
     return tracked
-
-
-def _simulated_effect(explanation: Explained, number: int) -> SimulatedEffect:
-    """One of the effects as the simulator takes it, with the coefficients beside all others."""
-    term, joints = explanation.effects[number].term, explanation.data.joints
-    coefficients = explanation.fit.coefficients[explanation.regression.blocks[number]]
-    numbers = term.effect.parameters(term.shape, coefficients, np.zeros(len(coefficients)))
-    return SimulatedEffect(
-        term.effect.name,
-        joints[term.place.joint],
-        {name: parameter.value for name, parameter in numbers.items()},
-        None if term.place.other is None else joints[term.place.other],
-    )
 
 
 def simulation_gaps(

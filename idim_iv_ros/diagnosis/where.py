@@ -78,26 +78,22 @@ def axes_of(motion: Mapping[str, FloatArray], starts: Sequence[float]) -> list[A
     """
     time, position, distance = motion["time"], motion["position"], motion["since_reversal"]
     speed, load = np.abs(motion["speed"]), np.abs(motion["load"])
+    # About six stretches with as many samples each; none holds parts of two recordings.
+    recording = np.searchsorted(starts, time, side="right") - 1
+    stretches: list[float] = []
+    for number in np.unique(recording):
+        inside = time[recording == number]
+        bins = max(1, round(6 * len(inside) / len(time)))
+        stretches.append(starts[int(number)] if stretches else float(inside.min()))
+        stretches += np.quantile(inside, np.linspace(0.0, 1.0, bins + 1))[1:-1].tolist()
     return [
         Axis("speed", speed, _logarithmic(speed, 6), "rad/s"),
         Axis("direction", np.sign(motion["speed"]) * 0.5, np.array([-1.0, 0.0, 1.0])),
         Axis("position", position, np.linspace(position.min(), position.max(), 9), "rad"),
         Axis("load", load, np.quantile(load, np.linspace(0.0, 1.0, 6)), "N m"),
-        Axis("time", time, _in_recordings(time, starts, 6), "s"),
+        Axis("time", time, np.array([*stretches, time.max()]), "s"),
         Axis("reversal", distance, _logarithmic(distance, 6), "rad"),
     ]
-
-
-def _in_recordings(time: FloatArray, starts: Sequence[float], count: int) -> FloatArray:
-    """Edges of about `count` bins with as many samples each; none holds parts of two recordings."""
-    recording = np.searchsorted(starts, time, side="right") - 1
-    edges: list[float] = []
-    for number in np.unique(recording):
-        inside = time[recording == number]
-        bins = max(1, round(count * len(inside) / len(time)))
-        edges.append(starts[int(number)] if edges else float(inside.min()))
-        edges += np.quantile(inside, np.linspace(0.0, 1.0, bins + 1))[1:-1].tolist()
-    return np.array([*edges, time.max()])
 
 
 def _logarithmic(values: FloatArray, count: int) -> FloatArray:
@@ -208,46 +204,32 @@ def where(data: Baseline, floors: Sequence[NoiseFloor]) -> tuple[Where, tuple[st
 
     The nominal model's gap is what the user sees: its shares and regimes are reported, those of the
     refit where no model is given. The residual of the refit shows missing effects: findings about
-    it follow where it is above the noise.
+    it follow where it is above the noise. Shares of joints are those of what lies beyond the noise,
+    energies divided by those of the torque.
     """
-    nominal, joints = nominal_residuals(data), range(len(data.joints))
-    residuals = data.regression.fitted.residuals
-    shown = residuals if nominal is None else nominal
-    gaps = _joint_gaps(data, shown, floors)
-    starts = [part.start for part in data.prepared.session.parts]
-    axes = [axes_of(motion_at_rows(data, joint), starts) for joint in joints]
-    used = set(joints) - data.left_out
-    regimes, large = _regimes(data, shown, axes, gaps, used, after_refit=False)
-    findings = large[:_NOMINAL_FINDINGS]
-    if nominal is not None:
-        used = {joint for joint in used if above_noise(residuals[joint], floors[joint])}
-        _, large = _regimes(data, residuals, axes, gaps, used, after_refit=True)
-        findings += large[:_REFIT_FINDINGS]
-    return Where(gaps, regimes), tuple(findings)
-
-
-def _joint_gaps(
-    data: Baseline,
-    residuals: Sequence[FloatArray],
-    floors: Sequence[NoiseFloor],
-) -> tuple[JointGap, ...]:
-    """RMS, relative size and share of each joint; energies are divided by those of the torque.
-
-    Shares are those of what lies beyond the noise.
-    """
-    sizes = np.array([rms(residual) for residual in residuals])
-    whole = data.torque_sizes
+    nominal, residuals = nominal_residuals(data), data.regression.fitted.residuals
+    shown, whole = residuals if nominal is None else nominal, data.torque_sizes
+    sizes = np.array([rms(residual) for residual in shown])
     noise = np.array([floor.sigma or 0.0 for floor in floors])
     beyond = np.maximum(sizes**2 - noise**2, 0.0) / whole**2
     shares = beyond / max(float(np.sum(beyond)), 1e-300)
     table = np.column_stack([sizes, 100.0 * (sizes / whole), shares]).tolist()
-    shown = whole > 1e-300
-    return tuple(
+    gaps = tuple(
         JointGap(name, size, percent if said else None, share, floor.sigma, floor.origin)
         for name, (size, percent, share), said, floor in zip(
-            data.joints, table, shown, floors, strict=True
+            data.joints, table, whole > 1e-300, floors, strict=True
         )
     )
+    starts, joints = [part.start for part in data.prepared.session.parts], range(len(data.joints))
+    axes = [axes_of(motion_at_rows(data, joint), starts) for joint in joints]
+    used = set(joints) - data.left_out
+    regimes, large = _regimes(data, shown, axes, shares, used, after_refit=False)
+    findings = large[:_NOMINAL_FINDINGS]
+    if nominal is not None:
+        used = {joint for joint in used if above_noise(residuals[joint], floors[joint])}
+        _, large = _regimes(data, residuals, axes, shares, used, after_refit=True)
+        findings += large[:_REFIT_FINDINGS]
+    return Where(gaps, regimes), tuple(findings)
 
 
 def above_noise(residual: FloatArray, floor: NoiseFloor) -> bool:
@@ -261,7 +243,7 @@ def _regimes(
     data: Baseline,
     residuals: Sequence[FloatArray],
     axes: Sequence[Sequence[Axis]],
-    gaps: Sequence[JointGap],
+    shares: FloatArray,
     used: Collection[int],
     *,
     after_refit: bool,
@@ -270,7 +252,7 @@ def _regimes(
     regimes: list[Regime] = []
     findings: list[tuple[float, str]] = []
     # A twentieth of the session: regimes may be events, and residuals are predictable for a while.
-    rows = sum(len(motion.kept) for motion in data.motions)
+    rows, parts = sum(len(motion.kept) for motion in data.motions), data.prepared.session.parts
     length = np.clip(rows / data.row_rate / 20, settings.LEAST_TIME_BLOCK, settings.TIME_BLOCK)
     blocks = row_blocks(data, float(length))
     for joint, name in enumerate(data.joints):
@@ -279,11 +261,10 @@ def _regimes(
             unlike = regimes_of(name, axis, bins, data.unit_at(joint, axis.unit))
             regimes += unlike
             best = joined(unlike)
-            if best is None or joint not in used:
-                continue
-            excess = (best.energy_share - best.occupancy) * gaps[joint].share
-            parts = data.prepared.session.parts
-            findings.append((excess, in_words(best, axis.edges, parts, after_refit=after_refit)))
+            if best is not None and joint in used:
+                excess = (best.energy_share - best.occupancy) * float(shares[joint])
+                said = in_words(best, axis.edges, parts, after_refit=after_refit)
+                findings.append((excess, said))
     regimes.sort(key=lambda regime: -regime.lift)
     findings.sort(key=lambda finding: -finding[0])
     return tuple(regimes), [said for _, said in findings]

@@ -7,13 +7,7 @@ import numpy as np
 
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import ShaftPart
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    StructuralEffect,
-    logarithmic,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.types import FloatArray
@@ -68,7 +62,7 @@ class Backlash(StructuralEffect[BacklashShape]):
         if inertia <= 0.0:
             return []
         load = covered.load
-        gaps = covered.lever * logarithmic(1e-4, _WIDEST, 9)
+        gaps = covered.lever * np.geomspace(1e-4, _WIDEST, 9)
         shapes: list[BacklashShape] = []
         for frequency in _FLANKS:
             stiffness = inertia * (2.0 * np.pi * frequency) ** 2

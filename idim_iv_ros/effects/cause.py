@@ -87,10 +87,8 @@ class ParameterSpec:
             "0 or 1": value in (0.0, 1.0),
         }
         if not allowed.get(self.bound, True):
-            verb = (
-                "must not be negative" if self.bound == "not negative" else f"must be {self.bound}"
-            )
-            raise UsageError(f"{name} {verb}, not {value:g}")
+            what = "not be negative" if self.bound == "not negative" else f"be {self.bound}"
+            raise UsageError(f"{name} must {what}, not {value:g}")
 
 
 @dataclass(frozen=True)
@@ -193,9 +191,10 @@ class Cause(ABC):
 
     def numbers(self, **numbers: tuple[float, float | None]) -> Parameters:
         """Return parameters with their units, from (value, std) by name."""
-        return {name: self._number(name, *number) for name, number in numbers.items()}
-
-    def _number(self, name: str, value: float, std: float | None) -> EffectParameter:
-        spec = self.spec(name)
-        assert spec is not None, f"{self.name} declares no {name}"
-        return EffectParameter(float(value), None if std is None else float(std), spec.unit)
+        made = {}
+        for name, (value, std) in numbers.items():
+            spec = self.spec(name)
+            assert spec is not None, f"{self.name} declares no {name}"
+            deviation = None if std is None else float(std)
+            made[name] = EffectParameter(float(value), deviation, spec.unit)
+        return made

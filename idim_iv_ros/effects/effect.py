@@ -10,6 +10,7 @@ from idim_iv_ros.effects.cause import Cause, Family, Parameters
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
+_MOST_TERMS = 3  # of a shape that has a tuple of numbers
 _LEAST_SPEED = 0.25  # rad/s: Stribeck speeds of arms are 0.02 to 0.3 rad/s
 
 
@@ -126,8 +127,6 @@ class StructuralEffect(Cause, Generic[S]):
     # Middle (geometric) of the largest torques that are typical of arms, or (a plain number) of the
     # numbers that are fitted; see `plausible`.
     typical: ClassVar[ShareOf | float | None] = None
-    # How many terms may be added (numbers of a shape that are a tuple).
-    most_terms: ClassVar[int] = 3
     # Whether it acts on few rows only, beyond a knee: the diagnosis asks that they be there.
     beyond_knee: ClassVar[bool] = False
     # Whether it shows only where a joint moves fast enough for friction to bend with the speed.
@@ -248,9 +247,9 @@ class StructuralEffect(Cause, Generic[S]):
         return f"{torque:.2g} N m"
 
     def longer(self, shape: S, covered: JointRange) -> list[S]:
-        """Shapes with a further term at the end, up to `most_terms`."""
+        """Shapes with a further term at the end, up to three in all."""
         terms = next((name for name, v in vars(shape).items() if isinstance(v, tuple)), "")
-        if not terms or len(getattr(shape, terms)) >= self.most_terms:
+        if not terms or len(getattr(shape, terms)) >= _MOST_TERMS:
             return []
         return [
             replace(shape, **{terms: getattr(shape, terms) + getattr(term, terms)})
@@ -272,8 +271,3 @@ def _varied(given: object, factor: float) -> list[Any]:
 
 # One of any shape, for those who hand its shapes back to it.
 Effect = StructuralEffect[Any]
-
-
-def logarithmic(low: float, high: float, count: int) -> FloatArray:
-    """Count numbers from low to high, evenly spaced in their logarithm."""
-    return np.asarray(np.geomspace(low, max(high, 1.01 * low), count))

@@ -6,13 +6,7 @@ import numpy as np
 
 from idim_iv_ros.effects.cause import GivenNumbers, Parameters, ParameterSpec
 from idim_iv_ros.effects.contribution import ShaftPart
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    StructuralEffect,
-    logarithmic,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.effects.two_masses import transmitted
 from idim_iv_ros.types import FloatArray
@@ -55,7 +49,7 @@ class Elasticity(StructuralEffect[ShaftShape]):
         if inertia <= 0.0:
             return []
         shapes: list[ShaftShape] = []
-        for frequency in logarithmic(_LOWEST, _HIGHEST, 16):
+        for frequency in np.geomspace(_LOWEST, _HIGHEST, 16):
             stiffness = inertia * (2.0 * np.pi * float(frequency)) ** 2
             critical = 2.0 * float(np.sqrt(stiffness * inertia))
             shapes += [ShaftShape(stiffness, share * critical) for share in _DAMPING]

@@ -10,14 +10,7 @@ import scipy
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    logarithmic,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -105,8 +98,8 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         Of several recordings also from a tenth of the longest to three of it, anew in each. By
         time alone, and by the motion; where a quick warmth would follow the speed itself.
         """
-        session = logarithmic(0.05 * covered.duration, 3.0 * covered.duration, 8)
-        recording = logarithmic(0.1 * covered.longest, 3.0 * covered.longest, 7)
+        session = np.geomspace(0.05 * covered.duration, 3.0 * covered.duration, 8)
+        recording = np.geomspace(0.1 * covered.longest, 3.0 * covered.longest, 7)
         several = covered.longest < covered.duration
         clocks = [(time, False) for time in session]
         clocks += [(time, True) for time in recording if several]

@@ -28,10 +28,7 @@ class GravityDirection(ParametricEffect):
 
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """The two angles by which gravity may be tilted, together."""
-        names = [_name(axis) for axis in space.axes]
-        return [[Change(name, "rad", space.tilt(place)) for place, name in enumerate(names)]]
-
-
-def _name(axis: np.ndarray) -> str:
-    place = int(np.argmax(np.abs(axis)))
-    return f"rotation_about_{'xyz'[place]}"
+        axes = ["xyz"[int(np.argmax(np.abs(axis)))] for axis in space.axes]
+        return [
+            [Change(f"rotation_about_{axis}", "rad", space.tilt(k)) for k, axis in enumerate(axes)]
+        ]

@@ -88,13 +88,11 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
     def columns(self, motion: RobotMotion, place: Place, shape: LoadShape) -> Torques:
         """Friction of coefficients of one, by direction of the power flow where it has two."""
         v = motion.velocity[:, place.joint]
-        match shape.load:
-            case Load.LINKS:
-                load = motion.load[:, place.joint]
-            case Load.MOTOR:
-                load = motion.torque[:, place.joint]
-            case Load.STATIC:
-                load = motion.static_load[:, place.joint]
+        if shape.load is Load.LINKS:
+            load = motion.load[:, place.joint]
+        else:
+            both = motion.torque if shape.load is Load.MOTOR else motion.static_load
+            load = both[:, place.joint]
         share = (np.abs(load) / shape.scale) ** shape.exponent
         whole = shape.scale * share * motion.slip[:, place.joint]
         if not shape.two_directions:

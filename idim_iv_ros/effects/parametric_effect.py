@@ -89,16 +89,11 @@ class ParameterSpace:
 
     def tilt(self, axis: int) -> FloatArray:
         """Direction (d,) of a rotation of gravity about one of the axes, rad."""
-        return self._unit(len(self.given) + axis)
+        return np.asarray(np.eye(1, self.size, len(self.given) + axis)[0])
 
     def gain(self, joint: int) -> FloatArray:
         """Direction (d,) of a relative change of the torque that a joint needs."""
-        return self._unit(len(self.given) + 2 + joint)
-
-    def _unit(self, place: int) -> FloatArray:
-        direction = np.zeros(self.size)
-        direction[place] = 1.0
-        return direction
+        return np.asarray(np.eye(1, self.size, len(self.given) + 2 + joint)[0])
 
 
 class ParametricEffect(Cause):
@@ -144,11 +139,6 @@ class ParametricEffect(Cause):
         """Effects at the joint that share its base parameters."""
         return ()
 
-    def subject(self, place: str) -> str:
-        """What differs, in words, before the numbers; `place` is empty for none."""
-        where = f" of {place}" if place else ""
-        return f"{self.name.replace('_', ' ')}{where} differs from the nominal model"
-
     def which(self, joint: int) -> str:
         """More words for its place: of a link its number; empty by default."""
         return ""
@@ -162,13 +152,10 @@ class ParametricEffect(Cause):
             for estimate in estimates
         )
 
-    def parameters(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> Parameters:
+    def parameters(self, estimates: Sequence[Estimated]) -> Parameters:
         """Return the numbers by the names of the changes."""
         return {
-            estimate.change.name: EffectParameter(
-                float(estimate.value), estimate.std, estimate.change.unit
-            )
+            change.name: EffectParameter(float(estimate.value), estimate.std, change.unit)
             for estimate in estimates
+            for change in [estimate.change]
         }

@@ -85,8 +85,7 @@ class Payload(ParametricEffect):
             change = named.get(_NAMES[kind])
             if change is not None and not change.may_exceed(-there[kind]):
                 return False
-        size = _size(space.model.robot, joint)
-        return _near(named, sign, size) and _rigid_body(named, sign)
+        return _is_body(named, sign, _size(space.model.robot, joint))
 
 
 _NAMES = {spec.standard: spec.name for spec in Payload.specs}
@@ -110,15 +109,11 @@ def _size(robot: RobotModel, joint: int) -> float:
 
 def _ends(named: Mapping[str, Estimated], names: Sequence[str], sign: float) -> FloatArray:
     """Least and largest value (2, k) of some numbers; infinite where they do not change."""
-    ends = []
-    for name in names:
-        estimate = named.get(name)
-        if estimate is None:
-            ends.append((-np.inf, np.inf))
-        else:
-            room = CLEARLY * estimate.std
-            ends.append((sign * estimate.value - room, sign * estimate.value + room))
-    return np.asarray(ends, dtype=float).T
+    ends = np.tile([[-np.inf], [np.inf]], len(names))
+    for place, estimate in enumerate(map(named.get, names)):
+        if estimate is not None:
+            ends[:, place] = sign * estimate.value + CLEARLY * estimate.std * np.array([-1.0, 1.0])
+    return ends
 
 
 def _least_size(ends: FloatArray) -> FloatArray:
@@ -126,32 +121,24 @@ def _least_size(ends: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.maximum(ends[0], -ends[1]), 0.0))
 
 
-def _near(named: Mapping[str, Estimated], sign: float, size: float) -> bool:
-    """Whether the centre of mass may lie within the size of the arm from its last joint."""
-    mass = _ends(named, ("mass",), sign)[1, 0]
-    moments = _least_size(_ends(named, [_NAMES[kind] for kind in POINT[1:]], sign))
-    return not float(np.linalg.norm(moments)) > size * mass
+def _is_body(named: Mapping[str, Estimated], sign: float, size: float) -> bool:
+    """Whether numbers, within their intervals, may be a body of positive density near the flange.
 
-
-def _rigid_body(named: Mapping[str, Estimated], sign: float) -> bool:
-    """Whether ten numbers, within their intervals, may be a body of positive density.
-
-    Its pseudo-inertia [[Σ, h], [hᵀ, m]] (Wensing et al. 2018) then has no negative diagonal and no
+    Its centre of mass lies within the `size` of the arm from its last joint. The pseudo-inertia
+    [[Σ, h], [hᵀ, m]] (Wensing et al. 2018) of ten numbers then has no negative diagonal and no
     negative 2 × 2 minor about it; Σ = ½ tr(I) 1 − I.
     """
-    if not any(name.startswith("inertia_") for name in named):
-        return True
     mass = _ends(named, ("mass",), sign)[1, 0]
     moments = _least_size(_ends(named, [_NAMES[kind] for kind in POINT[1:]], sign))
+    if float(np.linalg.norm(moments)) > size * mass:
+        return False
+    if not any(name.startswith("inertia_") for name in named):
+        return True
     least, most = _ends(named, ("inertia_xx", "inertia_yy", "inertia_zz"), sign)
     across = _least_size(_ends(named, ("inertia_yz", "inertia_xz", "inertia_xy"), sign))
     second = np.array([most[(k + 1) % 3] + most[(k + 2) % 3] - least[k] for k in range(3)]) / 2.0
     if np.any(second < 0.0):
         return False
-    for k in range(3):
-        # Of nothing known, the product is infinite, or not a number: nothing is excluded.
-        if moments[k] ** 2 > mass * second[k]:
-            return False
-        if across[k] ** 2 > second[(k + 1) % 3] * second[(k + 2) % 3]:
-            return False
-    return True
+    # Of nothing known, a product is infinite, or not a number: nothing is excluded.
+    products = np.roll(second, -1) * np.roll(second, -2)
+    return not np.any(moments**2 > mass * second) and not np.any(across**2 > products)

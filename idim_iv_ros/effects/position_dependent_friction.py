@@ -25,6 +25,9 @@ class TightSpot(Shape):
     width: float
 
 
+SpotOrWaves = TightSpot | Waves
+
+
 @kernel
 def _waves(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(wave(p, at.position), 0.0, 0.0, 0.0)
@@ -59,7 +62,7 @@ class PositionDependentFriction(WaveEffect):
     )
     laws = (_SPOT, _WAVES)
 
-    def grid(self, covered: JointRange) -> list[Waves | TightSpot]:
+    def grid(self, covered: JointRange) -> list[SpotOrWaves]:
         """Shapes with a single wave, and with a single tight spot."""
         low, high, span = covered.low, covered.high, covered.span
         if span <= 0.0:
@@ -72,13 +75,11 @@ class PositionDependentFriction(WaveEffect):
         ]
         return [*super().grid(covered), *spots]
 
-    def branches(self, grid: Sequence[Waves | TightSpot]) -> list[Sequence[Waves | TightSpot]]:
+    def branches(self, grid: Sequence[SpotOrWaves]) -> list[Sequence[SpotOrWaves]]:
         """Waves and spots: one wave may fit worse than a spot, and two better."""
         return [[shape for shape in grid if isinstance(shape, kind)] for kind in (Waves, TightSpot)]
 
-    def neighbours(
-        self, shape: Waves | TightSpot, step: float, covered: JointRange
-    ) -> list[Waves | TightSpot]:
+    def neighbours(self, shape: SpotOrWaves, step: float, covered: JointRange) -> list[SpotOrWaves]:
         """Shapes with nearby wave numbers, or with a nearby centre and width."""
         if isinstance(shape, Waves):
             return super().neighbours(shape, step, covered)
@@ -91,12 +92,12 @@ class PositionDependentFriction(WaveEffect):
             if covered.low - spot.width < spot.centre < covered.high + spot.width
         ]
 
-    def names(self, shape: Waves | TightSpot) -> tuple[str, ...]:
+    def names(self, shape: SpotOrWaves) -> tuple[str, ...]:
         """Amplitudes of the waves, or the height of the spot."""
         return ("height",) if isinstance(shape, TightSpot) else super().names(shape)
 
     def torques(
-        self, motion: RobotMotion, place: Place, shapes: Sequence[Waves | TightSpot]
+        self, motion: RobotMotion, place: Place, shapes: Sequence[SpotOrWaves]
     ) -> list[Torques]:
         """`columns` of several shapes, with all waves computed at once."""
         q = np.ascontiguousarray(motion.position[:, place.joint])

@@ -9,14 +9,7 @@ from numba import njit
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import GivenNumbers, ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw, TorqueTerm
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    logarithmic,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -112,7 +105,7 @@ class Presliding(StructuralEffect[BristleShape]):
         rows = _LEAST_ROWS if covered.sticking else _ROWS_AT_REVERSAL
         crossed = 0.5 * acceleration * (rows / covered.row_rate) ** 2
         least = max(1e-4 * covered.lever, crossed)
-        spans = logarithmic(least, max(0.15 * span, 10.0 * least), 16)
+        spans = np.geomspace(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(span),)) for span in spans]
 
     def columns(self, motion: RobotMotion, place: Place, shape: BristleShape) -> Torques:

@@ -12,27 +12,23 @@ from idim_iv_ros.effects.effect import Effect, StructuralEffect
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 
 
-def _modules() -> tuple[ModuleType, ...]:
+def catalogue() -> tuple[tuple[ModuleType, ...], tuple[Cause, ...]]:
+    """Modules of this package, and their causes: parametric, then structural, in their order."""
     package = import_module("idim_iv_ros.effects")
     names = [module.name for module in iter_modules(package.__path__)]
-    return tuple(import_module(f"{package.__name__}.{name}") for name in names)
-
-
-def _causes_in(modules: tuple[ModuleType, ...]) -> tuple[Cause, ...]:
-    """Every cause of the modules: parametric, then structural, in the order that they give."""
-    defined = [
+    modules = tuple(import_module(f"{package.__name__}.{name}") for name in names)
+    causes = [
         member()
         for module in modules
         for _, member in getmembers(module, isclass)
         if member.__module__ == module.__name__ and issubclass(member, Cause)
+        if hasattr(member, "name")
     ]
-    named = [cause for cause in defined if hasattr(cause, "name")]
-    return tuple(sorted(named, key=lambda cause: (cause.kind, cause.order)))
+    return modules, tuple(sorted(causes, key=lambda cause: (cause.kind, cause.order)))
 
 
-# Source of all that is compiled of effects, for the key of numba's cache.
-MODULES = _modules()
-CAUSES = _causes_in(MODULES)
+# Source of all that is compiled of effects, for the key of numba's cache, and what it defines.
+MODULES, CAUSES = catalogue()
 BY_NAME: dict[str, Cause] = {cause.name: cause for cause in CAUSES}
 PARAMETRIC = tuple(cause for cause in CAUSES if isinstance(cause, ParametricEffect))
 # Another control law, which commands show; the others may explain the residual of the refit.

@@ -45,6 +45,9 @@ class BentShape(Shape):
     width: float
 
 
+SpringShape = LineShape | CubicShape | BentShape
+
+
 @kernel
 def _polynomial(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     """Values: constant, linear, quadratic, cubic, lowest, highest."""
@@ -62,7 +65,7 @@ def _bent(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 _POLYNOMIAL, _BENT = TorqueLaw(_polynomial), TorqueLaw(_bent)
 
 
-class Spring(StructuralEffect[LineShape | CubicShape | BentShape]):
+class Spring(StructuralEffect[SpringShape]):
     """A smooth function of the position, the same in both directions.
 
     Of a linear one the constant says where it rests, which may be far from where the joint is; else
@@ -92,7 +95,7 @@ class Spring(StructuralEffect[LineShape | CubicShape | BentShape]):
     in_offset = ("constant",)
     element_of = "joint"
 
-    def grid(self, covered: JointRange) -> list[LineShape | CubicShape | BentShape]:
+    def grid(self, covered: JointRange) -> list[SpringShape]:
         """A line, a cubic, and both bends with centres over the range and four widths."""
         low, high = covered.low, covered.high
         if high <= low:
@@ -105,9 +108,7 @@ class Spring(StructuralEffect[LineShape | CubicShape | BentShape]):
         ]
         return [LineShape(low, high), CubicShape(low, high), *bent]
 
-    def neighbours(
-        self, shape: LineShape | CubicShape | BentShape, step: float, covered: JointRange
-    ) -> list[LineShape | CubicShape | BentShape]:
+    def neighbours(self, shape: SpringShape, step: float, covered: JointRange) -> list[SpringShape]:
         """Shapes with a nearby centre and width of the bend."""
         if not isinstance(shape, BentShape):
             return []
@@ -119,9 +120,7 @@ class Spring(StructuralEffect[LineShape | CubicShape | BentShape]):
             replace(shape, width=max(width / (1.0 + step), 0.05 * span)),
         ]
 
-    def columns(
-        self, motion: RobotMotion, place: Place, shape: LineShape | CubicShape | BentShape
-    ) -> Torques:
+    def columns(self, motion: RobotMotion, place: Place, shape: SpringShape) -> Torques:
         """A line; powers of the position; or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
         if isinstance(shape, LineShape):
@@ -131,7 +130,7 @@ class Spring(StructuralEffect[LineShape | CubicShape | BentShape]):
         bend = np.sinh if shape.hardening else np.arctan
         return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
-    def names(self, shape: LineShape | CubicShape | BentShape) -> tuple[str, ...]:
+    def names(self, shape: SpringShape) -> tuple[str, ...]:
         """Names of the coefficients: of a line, of powers, or of a line and its bent part."""
         if isinstance(shape, LineShape):
             return _POWERS[:2]

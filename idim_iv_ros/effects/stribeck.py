@@ -9,14 +9,7 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.effects.cause import ParameterSpec
 from idim_iv_ros.effects.contribution import Instant, Torque, TorqueLaw
-from idim_iv_ros.effects.effect import (
-    JointRange,
-    Place,
-    Shape,
-    ShareOf,
-    StructuralEffect,
-    logarithmic,
-)
+from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, StructuralEffect
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
@@ -64,7 +57,8 @@ class Stribeck(StructuralEffect[StribeckShape]):
 
     def grid(self, covered: JointRange) -> list[StribeckShape]:
         """Speeds from the slowest that counts to a third of the fastest."""
-        speeds = logarithmic(covered.slowest, 0.35 * covered.fastest, 8)
+        low = covered.slowest
+        speeds = np.geomspace(low, max(0.35 * covered.fastest, 1.01 * low), 8)
         return [StribeckShape(float(v), exponent) for v in speeds for exponent in _EXPONENTS]
 
     def columns(self, motion: RobotMotion, place: Place, shape: StribeckShape) -> Torques:

@@ -40,9 +40,7 @@ class TorqueGain(ParametricEffect):
         assert joint is not None
         return [[Change("recorded_more", "", space.gain(joint))]]
 
-    def parameters(
-        self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
-    ) -> Parameters:
+    def parameters(self, estimates: Sequence[Estimated]) -> Parameters:
         """The factor, from the share that the recorded torque is larger."""
         named: Parameters = {}
         for estimate in estimates:

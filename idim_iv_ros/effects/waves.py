@@ -56,7 +56,9 @@ def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArr
     """
     numbers = np.array([number for shape in shapes for number in shape.wave_numbers])
     lines = np.empty((2 * len(numbers), len(position)))
-    if _evenly_spaced(numbers):
+    several = 3 < len(numbers) <= _MOST_TURNED
+    even = np.linspace(numbers[0], numbers[-1], len(numbers)) if several else numbers
+    if several and np.max(np.abs(numbers - even)) <= 1e-13 * np.max(np.abs(numbers)):
         wave = np.exp(1j * numbers[0] * position)
         turn = np.exp(1j * (numbers[-1] - numbers[0]) / (len(numbers) - 1) * position)
         for k in range(0, len(lines), 2):
@@ -70,27 +72,13 @@ def wave_columns(position: FloatArray, shapes: Sequence[Waves]) -> list[FloatArr
     return [part.T for part in np.split(lines, ends[:-1])]
 
 
-def _evenly_spaced(numbers: FloatArray) -> bool:
-    """Whether many numbers have the same distance to their successor, to rounding."""
-    if not 3 < len(numbers) <= _MOST_TURNED:
-        return False
-    even = np.linspace(numbers[0], numbers[-1], len(numbers))
-    return bool(np.max(np.abs(numbers - even)) <= 1e-13 * np.max(np.abs(numbers)))
-
-
 class WaveEffect(StructuralEffect[Any]):
-    """Base of an effect whose torque is a sum of waves over the position of its joint.
-
-    Attributes
-    ----------
-    periods : float
-        Waves in the range of the joint, at least: fewer are a spring.
-    lowest : float
-        Wave number, 1/rad (1/lever), at least: lower ones are gravity or an encoder off its axis.
-    """
+    """Base of an effect whose torque is a sum of waves over the position of its joint."""
 
     linear = ("sine_k", "cosine_k")
+    # Waves in the range of the joint, at least: fewer are a spring.
     periods: ClassVar[float] = 1.5
+    # Wave number, 1/rad (1/lever), at least: lower ones are gravity or an encoder off its axis.
     lowest: ClassVar[float] = 2.5
 
     def grid(self, covered: JointRange) -> list[Any]:

@@ -16,8 +16,8 @@ import pinocchio as pin
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis.refit.command_rows import with_law_speed
 from idim_iv_ros.diagnosis.refit.held_out import time_blocks
-from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop, instrument_sources

@@ -11,8 +11,7 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.against.changes import agreement, changes_between, numbers_apart
-from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted
-from idim_iv_ros.diagnosis.against.sets import two_sets
+from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted, two_sets
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, change_rows
 from idim_iv_ros.diagnosis.diagnose import of_those_that_agree
 from idim_iv_ros.diagnosis.likelihood import Regression

@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange, Unexplained
 from idim_iv_ros.diagnosis.result.document import JointGap, Stage
 from idim_iv_ros.diagnosis.sentences import largest_gap
-from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParameterSpace
+from idim_iv_ros.effects.parametric_effect import Change, Estimated
 from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.effects.torque_gain import TorqueGain
 
@@ -135,9 +135,8 @@ def test_causes_are_in_the_order_of_their_weight(causes, effects) -> None:
 
 def test_a_gain_of_1_25_is_a_factor_of_1_25() -> None:
     """Recorded torque 0.8 of the actual one: the actual is 1.25 times the recorded."""
-    nothing: ParameterSpace = None  # type: ignore[assignment]
     estimates = [Estimated(Change("recorded_more", "", np.zeros(1)), 0.8 - 1.0, 0.01)]
-    (only,) = TorqueGain().parameters(nothing, 0, estimates).items()
+    (only,) = TorqueGain().parameters(estimates).items()
     name, number = only
     assert parameter_words("torque_gain", name) == "actual torque over recorded torque"
     assert number.value == pytest.approx(1.25)

@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.controller import check_law, law_change
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, LawSpeed
-from idim_iv_ros.diagnosis.refit.law_speed import law_speed
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, LawSpeed, law_speed
 from idim_iv_ros.diagnosis.result.causes import Cause
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.signals import JointSignals

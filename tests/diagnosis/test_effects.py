@@ -501,6 +501,6 @@ def test_an_effect_is_added_by_its_file(tmp_path: Path, monkeypatch: pytest.Monk
     text = text.replace('name = "spring"', 'name = "rope"').replace("order = 130", "order = 5")
     (tmp_path / "rope.py").write_text(text)
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
-    names = [cause.name for cause in registry._causes_in(registry._modules())]
+    names = [cause.name for cause in registry.catalogue()[1]]
     assert names.index("rope") == names.index("stribeck") - 1
     del sys.modules["idim_iv_ros.effects.rope"]

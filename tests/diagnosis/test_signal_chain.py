@@ -14,8 +14,7 @@ from scipy.signal import lfilter
 from bags import simulated_arms
 from bags.simulated_arms import arm2, arm6
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.refit import refitted
-from idim_iv_ros.diagnosis.refit.signal_chain import _chain, aligned
+from idim_iv_ros.diagnosis.refit.refit import _chain, aligned, refitted
 from idim_iv_ros.recording.recording import Recording
 from tests.diagnosis.motions import with_signals
 from tests.estimation.test_simulated_arms import recorded

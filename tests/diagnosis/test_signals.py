@@ -108,7 +108,7 @@ def test_mujoco_turns_its_friction_before_the_joint() -> None:
         solved.append(-float(state.qfrc_constraint[0]) / 1.5)
     v, a = (np.array(values)[None, None] for values in (speed, slope))
     soft = (1.0 - 0.9) / 0.9
-    computed = friction._crossing(v, a, 0, LEAD, LEAD * soft * 1.5 / inertia, False)
+    computed = friction.TurningFriction({0: LEAD}, {0: LEAD * soft * 1.5 / inertia}).slip(0, v, a)
     turning = np.abs(np.array(speed)) < 0.05
     assert np.sum(np.abs(solved)[turning] < 0.9) > 200
     assert np.max(np.abs(computed - solved)) < 0.05
@@ -129,8 +129,8 @@ def test_friction_of_a_joint_that_rests_crosses_evenly() -> None:
         position += step * speed
         speeds.append(speed)
     v = (np.array(speeds) + 1e-3 * np.random.default_rng(1).standard_normal(8000))[None, None]
-    computed = friction._crossing(v, np.zeros_like(v), 0, 0.0, 0.02, True)
-    sharp = friction._crossing(v, np.zeros_like(v), 0, 0.0, 1e-9, False)
+    computed = friction.TurningFriction({0: 0.0}, {0: 0.02}, True).slip(0, v, v)
+    sharp = friction.TurningFriction({0: 0.0}, {0: 1e-9}).slip(0, v, np.zeros_like(v))
     after = slice(1000, 7000)  # a first and a last reversal have no other side
     errors = [np.mean((model - frictions)[after] ** 2) for model in (computed, sharp)]
     assert np.mean(np.abs(speeds)[after] < 1e-9) > 0.02

@@ -9,8 +9,7 @@ import pytest
 
 from bags.simulated_arms import SimulatedArm, record
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
-from idim_iv_ros.diagnosis.refit.processing import proposals, widened
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, proposals, widened
 from idim_iv_ros.diagnosis.refit.smooth_motion import simulated_slips
 from idim_iv_ros.diagnosis.sentences import reversals
 from idim_iv_ros.recording.recording import Recording

@@ -20,7 +20,7 @@ from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.diagnosis.result.recordings import Transmission
 from idim_iv_ros.diagnosis.sentences import transmission
-from idim_iv_ros.diagnosis.transmission.measure import (
+from idim_iv_ros.diagnosis.transmission import (
     Measured,
     measured_transmissions,
     with_transmissions,

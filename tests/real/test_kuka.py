@@ -12,7 +12,7 @@ import pytest
 
 from idim_iv_ros.diagnosis.refit.refit import refitted
 from idim_iv_ros.diagnosis.result.recordings import Transmission
-from idim_iv_ros.diagnosis.transmission.measure import measured_transmissions
+from idim_iv_ros.diagnosis.transmission import measured_transmissions
 from idim_iv_ros.identification.check import check
 from idim_iv_ros.identification.prepare import read_configured
 from tests.real.recordings import kuka_bags, kuka_configuration

@@ -14,7 +14,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
@@ -121,7 +121,7 @@ def number_changes(changes: Changes) -> list[NumberChange]:
 
     A change of all recordings of a set and one of a single recording of it add up there.
     """
-    model, space = changes.selection.model, changes.selection.catalogue.space
+    model = changes.selection.model
     places: dict[tuple[str, int | None], list[tuple[Term, int]]] = {}
     for term, block in zip(model.terms, model.blocks, strict=True):
         if term.candidate.kind is Kind.NUMBER and term in changes.accepted:
@@ -136,30 +136,22 @@ def number_changes(changes: Changes) -> list[NumberChange]:
         effect = parts[0][0].candidate.effect
         assert isinstance(effect, ParametricEffect)
         for there, group in groups.items():
-            some = [parts[k] for k in there]
-            numbers = effect.parameters(space, joint, _summed(some, model))
-            terms = tuple(term for term, _ in some)
+            terms = tuple(parts[k][0] for k in there)
+            same: dict[str, list[int]] = {}  # places of the coefficients that have one name
+            named = {}
+            for k in there:
+                term, start = parts[k]
+                for place, change in enumerate(term.candidate.changes, start):
+                    same.setdefault(change.name, []).append(place)
+                    named[change.name] = change
+            spread = max(1.0, *(term.dispersion for term in terms))
+            estimates = []
+            for name, which in same.items():
+                variance = spread * float(model.covariance[np.ix_(which, which)].sum())
+                value, std = float(model.coefficients[which].sum()), np.sqrt(max(variance, 0.0))
+                estimates.append(Estimated(named[name], value, float(std)))
+            numbers = effect.parameters(estimates)
             made.append(NumberChange(effect, joint, frozenset(group), numbers, terms))
-    return made
-
-
-def _summed(parts: Sequence[tuple[Term, int]], model: ModelWithTerms) -> list[Estimated]:
-    """Add the changes of one name, with the deviations of their sums.
-
-    `parts`: terms, and the place of the first coefficient of each.
-    """
-    places: dict[str, list[int]] = {}
-    changes = {}
-    for term, start in parts:
-        for place, change in enumerate(term.candidate.changes, start):
-            places.setdefault(change.name, []).append(place)
-            changes[change.name] = change
-    spread = max(1.0, *(term.dispersion for term, _ in parts))
-    made = []
-    for name, which in places.items():
-        variance = spread * float(model.covariance[np.ix_(which, which)].sum())
-        value = float(model.coefficients[which].sum())
-        made.append(Estimated(changes[name], value, float(np.sqrt(max(variance, 0.0)))))
     return made
 
 
@@ -176,8 +168,7 @@ def numbers_apart(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Diffe
     """
     if len(catalogue.data.motions) < 2:
         return []
-    changes = changes_between(catalogue.differing((), _scopes(catalogue)), taken_out)
-    return _differences(changes)
+    return _differences(catalogue.differing((), _scopes(catalogue)), taken_out)
 
 
 def with_effects(catalogue: Catalogue, apart: Differing, common: Collection[Key]) -> Differing:
@@ -185,16 +176,14 @@ def with_effects(catalogue: Catalogue, apart: Differing, common: Collection[Key]
 
     Where none of either is chosen, what numbers said by themselves stands.
     """
-    count, by_themselves = len(catalogue.data.motions), apart
-    before: frozenset[int] = frozenset()
+    count, by_themselves, before = len(catalogue.data.motions), apart, frozenset[int]()
     for _ in range(_AGAIN):
         scope = frozenset(number for number, *_ in apart)
         if scope in (before, frozenset()):
             break
         before = scope
         whole = scope if len(scope) < count else frozenset(range(1, count))
-        changes = changes_between(catalogue.differing([whole], _scopes(catalogue), common))
-        apart = _differences(changes)
+        apart = _differences(catalogue.differing([whole], _scopes(catalogue), common))
     effects = [what for _, _, what in apart if BY_NAME[what.effect].kind == "structural"]
     return apart if effects or common else by_themselves
 
@@ -221,18 +210,17 @@ def _scopes(catalogue: Catalogue) -> list[Scope]:
     return scopes + [frozenset(range(first, count)) for first in range(2, count - 1)]
 
 
-def _differences(changes: Changes) -> Differing:
-    data, space = changes.selection.catalogue.data, changes.selection.catalogue.space
+def _differences(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Differing:
+    data, changes, made = catalogue.data, changes_between(catalogue, taken_out), []
     named = [
         (change.effect.name, change.joint, change.parameters, change.terms, change.recordings)
         for change in number_changes(changes)
     ]
     named += [
-        (term.key.effect, term.key.joint, term.parameters(space), (term,), term.candidate.scope)
+        (*term.key[:2], term.parameters, (term,), term.candidate.scope)
         for term in changes.accepted
         if term.is_effect
     ]
-    made = []
     for effect, joint, numbers, terms, recordings in named:
         shares = rms_of(data, terms, recordings) / data.torque_sizes
         place = None if joint is None else data.joints[joint]

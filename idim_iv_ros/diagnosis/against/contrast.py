@@ -1,39 +1,175 @@
-"""What changed between two sets of recordings: the whole of `diagnose --against`."""
+"""What changed between two sets of recordings: the whole of `diagnose --against`.
+
+Both are one regression, each on the motion and the loads of its own refit. Everything that differs
+between the sets enters their rows: a payload of the second set changes the load that a
+load-dependent friction of both sees, and its closed loop moves otherwise. So each set has a refit,
+simulated motion and alignment of the effort of its own, in one processing; only then are their rows
+put under one another.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.against.causes import (
-    WHERE,
-    delay_causes,
-    law_causes,
-    parametric_causes,
-    scaled_alike,
-    side_of,
-    structural_causes,
-    torques_of,
-)
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
+    NumberChange,
     changes_between,
     number_changes,
     quarters,
+    rms_of,
 )
-from idim_iv_ros.diagnosis.against.sets import TwoSets, two_sets
+from idim_iv_ros.diagnosis.answer.causes import rivals_of
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
+from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
 from idim_iv_ros.diagnosis.likelihood import Columns, rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
-from idim_iv_ros.diagnosis.result.recordings import ContrastResult, JointContrast
-from idim_iv_ros.diagnosis.sentences import capitalised, placed, torque
-from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, proposals, refit_of, rows_of
+from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
+from idim_iv_ros.diagnosis.result.causes import Evidence
+from idim_iv_ros.diagnosis.result.recordings import (
+    ContrastCause,
+    ContrastResult,
+    JointContrast,
+    JointTorque,
+)
+from idim_iv_ros.diagnosis.sentences import (
+    capitalised,
+    listed_numbers,
+    or_else,
+    placed,
+    spaced,
+    torque,
+    with_interval,
+)
+from idim_iv_ros.effects.cause import EffectParameter, Parameters
+from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, name_of
+from idim_iv_ros.identification.prepare import prepare
+from idim_iv_ros.identification.sanity import ANOTHER_UNIT, in_smaller_units
+from idim_iv_ros.recording.recording import Recording, Session, session_of
+from idim_iv_ros.types import BoolArray, FloatArray
+
+_FOLLOWS = 0.5  # of the energy of an effort
+_WHERE = {"reference": "in the reference recordings only", "against": "in the second set only"}
+
+
+@dataclass(frozen=True)
+class TwoSets:
+    """Rows of both sets, those of the reference first.
+
+    `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
+    `refits`: of reference and second set by themselves. `not_compared`: joints whose efforts are
+    not torques of one robot in both sets, and why; their rows are left out.
+    """
+
+    data: Baseline
+    refits: tuple[Refit, Refit]
+    not_compared: dict[int, str]
+
+    @property
+    def first(self) -> frozenset[int]:
+        """Numbers of the reference's recordings in `data`."""
+        return frozenset(range(len(self.refits[0].data.motions)))
+
+    @property
+    def second(self) -> frozenset[int]:
+        """Numbers of the second set's recordings in `data`."""
+        return frozenset(range(len(self.data.motions))) - self.first
+
+    def bags(self, numbers: frozenset[int]) -> tuple[str, ...]:
+        """Names of some recordings."""
+        parts = self.data.prepared.session.parts
+        return tuple(parts[number].bag for number in sorted(numbers))
+
+    @cached_property
+    def inside(self) -> tuple[BoolArray, ...]:
+        """Rows (r_j,) of the second set, for each joint."""
+        return tuple(np.isin(recording, list(self.second)) for recording in self.data.recordings)
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """RMS (n_joints,) of the torque in the second set, N m (N)."""
+        rows = zip(self.data.rows, self.inside, strict=True)
+        return np.maximum([rms(joint.torque[inside]) for joint, inside in rows], 1e-300)
+
+
+def two_sets(
+    reference: Sequence[Recording], against: Sequence[Recording], configuration: Configuration
+) -> TwoSets:
+    """Refit each set by itself and put their rows under one another; errors as `identify`.
+
+    The noisier set limits the band, and all rows come at one rate.
+    """
+    for section in proposals((reference, against), configuration):
+        whole, sets = prepare([*reference, *against], section), []
+        numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
+        for part in (reference, against):  # filtered as all recordings are; its time starts at zero
+            session = session_of(part)
+            places = [numbers[id(recording)] for recording in session.recordings]
+            factors = tuple(whole.cutoffs.factors[place] for place in places)
+            motions = tuple(whole.motions[place] for place in places)
+            cutoffs = replace(whole.cutoffs, factors=factors)
+            prepared = replace(whole, session=session, cutoffs=cutoffs, motions=motions)
+            sets.append(refit_of(prepared))
+        if all(data.sticking for data in sets):
+            break
+    refits = on_likelier_motion(sets[0]), on_likelier_motion(sets[1])
+    first, second = (refit.data for refit in refits)
+    why = _not_compared(first, second)
+    one, other = first.prepared, second.prepared
+    parts = (*one.session.parts, *other.session.parts)
+    prepared = replace(
+        one,
+        session=Session((*one.recordings, *other.recordings), parts, ()),
+        cutoffs=replace(one.cutoffs, factors=(*one.cutoffs.factors, *other.cutoffs.factors)),
+        motions=(*one.motions, *other.motions),
+    )
+    joints = tuple(
+        replace(rows.joined([more]), left_out=joint in why)
+        for joint, (rows, more) in enumerate(zip(first.rows, second.rows, strict=True))
+    )
+    data = replace(
+        first,
+        prepared=prepared,
+        regression=replace(first.regression, joints=joints),
+        sticking=first.sticking and second.sticking,
+    )
+    return TwoSets(data.on((*first.motions, *second.motions)), refits, why)
+
+
+def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
+    """Joints whose efforts are not torques of one robot in both sets, and why.
+
+    A set is judged by itself first. Then its effort may follow what the numbers of the reference
+    need on its motion, but in a smaller unit, at most joints or where in_smaller_units says so: no
+    robot changes so.
+    """
+    why: dict[int, str] = {}
+    for data, name in ((reference, "the reference"), (second, "the second set")):
+        for finding in data.prepared.joint_findings:
+            if finding.left_out:
+                why.setdefault(finding.joint, f"in {name} {finding.sentence}")
+    ratios: dict[int, float] = {}
+    for joint, rows in enumerate(second.rows):
+        needed = rows.prediction(reference.estimate.linear.values)
+        common, energy = float(needed @ rows.torque), float(needed @ needed)
+        if joint not in why and common**2 > _FOLLOWS * energy * float(rows.torque @ rows.torque):
+            ratios[joint] = common / energy
+    of_all = float(np.median(list(ratios.values()))) if ratios else 1.0
+    sizes = dict(enumerate(second.torque_sizes.tolist()))
+    for joint in ratios if of_all > ANOTHER_UNIT else in_smaller_units(ratios, sizes):
+        why[joint] = (
+            f"in the second set the effort is {ratios[joint]:.2g} times what the reference needs "
+            "for such a motion, and follows it: another unit?"
+        )
+    return why
 
 
 def contrasted(
@@ -60,43 +196,61 @@ def contrasted(
 
 def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> ContrastResult:
     """Build the document from the terms that act in some recordings only."""
-    data, against = sets.data, sets.bags(sets.second)
+    data, against, names = sets.data, sets.bags(sets.second), sets.data.joints
     numbers = number_changes(changes)
-    law, why_no_law = law_causes(sets, without)
-    shifts = {name: refit.shift.common for name, refit in zip(WHERE, sets.refits, strict=True)}
-    delay = delay_causes(sets, shifts)
-    parametric = parametric_causes(sets, changes, numbers)
-    law = [cause for cause in law if not scaled_alike(cause, parametric)]
-    causes = [*structural_causes(sets, changes), *parametric, *law, *delay]
+    law, why_no_law = _law_causes(sets, without)
+    shifts = {name: refit.shift.common for name, refit in zip(_WHERE, sets.refits, strict=True)}
+    delay = _delay_causes(sets, shifts)
+    parametric = _parametric_causes(sets, changes, numbers)
+    law = [cause for cause in law if not _scaled_alike(cause, parametric)]
+    causes = [*_structural_causes(sets, changes), *parametric, *law, *delay]
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
-    unattributed = tuple(
-        _unattributed(sets, term) for term in changes.accepted if term.candidate.kind is Kind.CURVE
-    )
+    unattributed = []
+    for term in changes.accepted:
+        effect = term.candidate.effect
+        if isinstance(effect, Nonparametric):
+            made = _torques_of(sets, [term])[0]
+            unattributed.append(
+                f"the recordings differ at {made.joint} by {torque(data, made.rms, made.joint)}, a "
+                f"torque that {effect.words}, {_WHERE[_side_of(sets, term)]}; nothing in the "
+                "catalogue explains it"
+            )
     joints, of_reference = _joints(sets, changes)
-    compared = [joint for joint in range(len(data.joints)) if joint not in sets.not_compared]
-    least = settings.LEAST_NONPARAMETRIC * sets.sizes[compared]
+    least = settings.LEAST_NONPARAMETRIC * np.delete(sets.sizes, list(sets.not_compared))
     unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
-    names = data.joints
     not_compared = tuple(
-        f"{names[n]} is not compared: {why}" for n, why in sets.not_compared.items()
+        f"{names[joint]} is not compared: {why}" for joint, why in sets.not_compared.items()
     )
     differs = bool(causes or unattributed or unexplained) or (None if not_compared else False)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
+        parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
+        parts += [f"{capitalised(text)}." for text in said]
+        left = ", ".join(
+            f"at {one.joint} by {torque(data, one.unexplained, one.joint)}" for one in unexplained
+        )
         closest = [f"{_in_words(data, t)} (in {n})" for t, n in changes.doubtful.items() if n]
-        sentence = _changes(data, against, said, unexplained, closest)
+        if left:
+            nothing = "nothing else" if said else "nothing"
+            parts.append(f"The recordings differ {left}; {nothing} in the catalogue explains it.")
+        if left and closest:
+            parts.append(
+                f"Closest comes {', '.join(closest)}, which is not chosen again whenever a part "
+                "of the time is left out."
+            )
+        sentence = " ".join(parts)
     else:
         noisier = {
             joint.joint: level
             for joint, level, size in zip(joints, of_reference, least, strict=True)
             if joint.after**2 - level**2 >= size**2
         }
-        sentence = _no_difference(data, against, joints, noisier)
+        sentence = _no_difference(data, ", ".join(against), joints, noisier)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
     notes = [
         "" if delay else _shift(shifts),
         *(
-            f"{name}: {refit.turning.sentence(data.joints)}"
+            f"{name}: {refit.turning.sentence(names)}"
             for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
             if refit.turning.soft
         ),
@@ -115,18 +269,234 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
         not_compared=not_compared,
         joints=tuple(joints),
         causes=tuple(causes),
-        unattributed=unattributed,
+        unattributed=tuple(unattributed),
         common=tuple(_in_words(data, t) for t in changes.common if t.candidate.kind in named),
         effort_shift=shifts,
         notes=tuple(note for note in notes if note),
     )
 
 
+def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
+    """One cause of every effect that one set has, or that the sets have otherwise."""
+    data, made = sets.data, []
+    places: dict[tuple[str, int | None, int | None], dict[str, Term]] = {}
+    for term in changes.accepted:
+        if term.is_effect:
+            places.setdefault(term.key[:3], {})[_side_of(sets, term)] = term
+    for place, sides in sorted(places.items(), key=lambda item: item[0]):
+        terms = list(sides.values())
+        one, other = (
+            data.in_units_at(term.place.joint, term.parameters) if term else {}
+            for term in map(sides.get, _WHERE)
+        )
+        joints = [data.joints[joint] for joint in terms[0].place.joints]
+        text = f"{spaced(place[0])} at {' and '.join(joints)}"
+        said, said_other = (listed_numbers(place[0], of_set) for of_set in (one, other))
+        change = "changed"
+        if one and other:
+            text += f" changed: {said} in the reference, {said_other} in the second set"
+        elif any(term.key[:3] == place for term in changes.common):
+            more = "reference recordings" if one else "second set"
+            text += f" changed: more of it in the {more} ({said or said_other})"
+        else:
+            change = "appeared" if other else "vanished"
+            text += f" {_WHERE['reference' if one else 'against']}: {said or said_other}"
+        fields: dict[str, Any] = {"numbers": (one, other), "change": change, "joint": joints[0]}
+        if len(joints) > 1:
+            fields["other_joint"] = joints[1]
+        made.append(_of_terms(sets, changes, terms, text, **fields))
+    return made
+
+
+def _parametric_causes(
+    sets: TwoSets, changes: Changes, numbers: Sequence[NumberChange]
+) -> list[ContrastCause]:
+    """One cause of all numbers of an effect that changed, with its recordings where they differ."""
+    several = len({change.recordings for change in numbers}) > 1
+    made = []
+    for number in numbers:
+        joint, parameters, bags = number.joint, number.parameters, sets.bags(number.recordings)
+        effect, name, place = number.effect.name, None, ""
+        if joint is not None:
+            name, parameters = sets.data.joints[joint], sets.data.in_units_at(joint, parameters)
+            place = f" of {name}{number.effect.which(joint)}"
+        text = (
+            f"{', '.join(bags) + ': ' if several else ''}{spaced(effect)}{place} "
+            f"changed, second set less reference: {listed_numbers(effect, parameters)}"
+        )
+        more = {"kind": "parametric", "joint": name, "bags": bags, "parameters": parameters}
+        made.append(_of_terms(sets, changes, number.terms, text, number.recordings, **more))
+    return made
+
+
+def _law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastCause], str]:
+    """Compare the law that each set shows; and why not, where they cannot be compared.
+
+    The configured law is only the form: what both sets have otherwise than configured cancels.
+    """
+    if CONTROL_LAW.name in without:
+        return [], ""
+    for refit, name in zip(sets.refits, ("reference", "second set"), strict=True):
+        reason = why_not_checked(refit.data)
+        if reason:
+            return [], f"the control laws of the sets were not compared: {reason} ({name})"
+    (commands, _, first), (_, _, second) = (shown_law(refit.data) for refit in sets.refits)
+    causes = []
+    for joint in sorted(set(first) & set(second) - set(sets.not_compared)):
+        rows = first[joint].every.followed_by(second[joint].every)
+        shown = law_change(rows)
+        differing = [term for term in shown.terms if term.key.scope]
+        if not differing:
+            continue
+        groups: tuple[dict[str, tuple[float, float]], ...] = {}, {}
+        command = np.zeros(len(rows.rest))
+        for term in differing:
+            name, value = term.key.effect, float(term.coefficients[0])
+            common, std = shown.changes.get(name, (0.0, 0.0))
+            groups[0][name] = common, std
+            groups[1][name] = common + value, float(np.hypot(std, term.deviations[0]))
+            command += value * rows.groups[name]
+        one, other = (
+            sets.data.in_units_at(joint, CONTROL_LAW.parameters(commands.law, joint, group))
+            for group in groups
+        )
+        # What the change makes on the second set's motion.
+        size = float(np.std(command[rows.second]))
+        made = JointTorque(sets.data.joints[joint], size, size / float(sets.sizes[joint]))
+        changed = ", ".join(
+            f"{spaced(name)} from {with_interval(one[name])} to {with_interval(number)}"
+            for name, number in other.items()
+        )
+        causes.append(
+            _cause(
+                sets,
+                CONTROL_LAW.name,
+                (one, other),
+                evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
+                joint=made.joint,
+                torques=(made,),
+                sentence=f"control law of {made.joint} changed: {changed} "
+                f"({100.0 * made.share_of_torque:.3g} % of its torque)",
+            )
+        )
+    return causes, ""
+
+
+def _scaled_alike(law: ContrastCause, numbers: Sequence[ContrastCause]) -> bool:
+    """Whether the torque gain of a joint explains its change of law.
+
+    A gain of what is recorded changes all commands by its inverse: then both are one cause.
+    """
+    for cause in numbers:
+        factor = cause.parameters.get("factor")
+        gain = BY_NAME[cause.effect].part == "torque scale" and cause.joint == law.joint
+        if factor is not None and gain:
+            return bool(law.against) and all(
+                abs(factor.value * other.value - law.reference[name].value)
+                < settings.NORMAL_95
+                * np.hypot(factor.value * (other.std or 0.0), (factor.std or 0.0) * other.value)
+                for name, other in law.against.items()
+            )
+    return False
+
+
+def _delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[ContrastCause]:
+    """A shift of the effort that changed by more than recording makes of it."""
+    numbers = {"delay": shifts["reference"]}, {"delay": shifts["against"]}
+    delay = _difference(numbers[1], numbers[0])["delay"]
+    period = max(refit.shift.period for refit in sets.refits)
+    if delay.std is None or abs(delay.value) < max(
+        settings.CONTRAST_LEAST_DELAY * period, settings.CLEAR_DEVIATIONS * delay.std
+    ):
+        return []
+    sentence = (
+        f"the effort acts {1e3 * abs(delay.value):.2f} ± "
+        f"{1e3 * settings.NORMAL_95 * delay.std:.2g} ms "
+        f"{'later' if delay.value > 0.0 else 'earlier'} in the second set, at all joints"
+    )
+    evidence = Evidence((delay.value / delay.std) ** 2)
+    return [_cause(sets, name_of("delay"), numbers, evidence=evidence, sentence=sentence)]
+
+
+def _of_terms(
+    sets: TwoSets,
+    changes: Changes,
+    terms: Sequence[Term],
+    text: str,
+    recordings: frozenset[int] | None = None,
+    **fields: Any,
+) -> ContrastCause:
+    """A cause that terms of the search are; `text`: what changed, without its torques."""
+    torques = _torques_of(sets, terms, recordings)
+    listed = ", ".join(
+        f"{torque(sets.data, made.rms, made.joint)} at {made.joint} "
+        f"({100.0 * made.share_of_torque:.3g} % of its torque)"
+        for made in torques
+    )
+    others = rivals_of(sets.data.joints, terms)
+    statistic = sum(max(2.0 * term.evidence, 0.0) for term in terms)
+    times = min(changes.accepted[term] for term in terms)
+    return _cause(
+        sets,
+        terms[0].key.effect,
+        evidence=Evidence(statistic, chosen_in_folds=times),
+        indistinguishable_from=others,
+        torques=torques,
+        sentence=f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
+        **fields,
+    )
+
+
+def _cause(
+    sets: TwoSets, effect: str, numbers: tuple[Parameters, Parameters] = ({}, {}), **fields: Any
+) -> ContrastCause:
+    """A cause with its numbers in the reference and in the second set, where they are known."""
+    one, other = numbers
+    usual = {
+        "kind": "structural",
+        "joint": None,
+        "change": "changed",
+        "bags": sets.bags(sets.second),
+        "parameters": _difference(other, one) if one and other else other or one,
+    }
+    return ContrastCause(effect=effect, reference=one, against=other, **{**usual, **fields})
+
+
+def _difference(against: Parameters, reference: Parameters) -> Parameters:
+    """Second set less reference, of the numbers that both have; no deviation unless both have."""
+    made = {}
+    for name in [name for name in against if name in reference]:
+        other, one = against[name], reference[name]
+        determined = one.std is not None and other.std is not None
+        std = float(np.hypot(one.std or 0.0, other.std or 0.0)) if determined else None
+        made[name] = EffectParameter(other.value - one.value, std, other.unit)
+    return made
+
+
+def _side_of(sets: TwoSets, term: Term) -> str:
+    """The set whose recordings a term acts in: ``reference`` or ``against``."""
+    return "against" if (term.candidate.scope or sets.first) <= sets.second else "reference"
+
+
+def _torques_of(
+    sets: TwoSets, terms: Sequence[Term], recordings: frozenset[int] | None = None
+) -> tuple[JointTorque, ...]:
+    """RMS of their torque in the recordings where they act, at joints where it matters."""
+    data, place = sets.data, terms[0].candidate.place
+    inside = recordings or frozenset().union(*(t.candidate.scope for t in terms))
+    first = None if place is None else data.joints[place.joint]
+    sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
+    made = [
+        JointTorque(name, float(rms), float(rms / size))
+        for joint, (name, rms, size) in enumerate(sizes)
+        if joint not in sets.not_compared
+        and (name == first or rms >= settings.LEAST_NONPARAMETRIC * size)
+    ]
+    return tuple(sorted(made, key=lambda one: (one.joint != first, -one.share_of_torque)))
+
+
 def _no_difference(
-    data: Baseline,
-    against: Sequence[str],
-    joints: Sequence[JointContrast],
-    noisier: Mapping[str, float],
+    data: Baseline, named: str, joints: Sequence[JointContrast], noisier: Mapping[str, float]
 ) -> str:
     """That the sets do not differ, and where more is left of the second one.
 
@@ -134,7 +504,6 @@ def _no_difference(
     """
     if not joints:
         return "Nothing could be compared."
-    named = ", ".join(against)
     where = "" if len(joints) == len(data.joints) else f" at {', '.join(j.joint for j in joints)}"
     worst = max(joints, key=lambda joint: joint.after)
     text = (
@@ -156,31 +525,6 @@ def _no_difference(
     return text
 
 
-def _changes(
-    data: Baseline,
-    against: Sequence[str],
-    said: Sequence[str],
-    unexplained: Sequence[JointContrast],
-    closest: Sequence[str],
-) -> str:
-    """In what the sets differ, what is not explained, and what comes closest to explaining it."""
-    parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
-    parts += [f"{capitalised(text)}." for text in said]
-    left = ", ".join(
-        f"at {joint.joint} by {torque(data, joint.unexplained, joint.joint)}"
-        for joint in unexplained
-    )
-    if left:
-        nothing = "nothing else" if said else "nothing"
-        parts.append(f"The recordings differ {left}; {nothing} in the catalogue explains it.")
-    if left and closest:
-        parts.append(
-            f"Closest comes {', '.join(closest)}, which is not chosen again whenever a part of the "
-            "time is left out."
-        )
-    return " ".join(parts)
-
-
 def _shift(shifts: Mapping[str, EffectParameter]) -> str:
     """The effort's shift in both sets, which is taken out."""
     said = [
@@ -194,17 +538,6 @@ def _shift(shifts: Mapping[str, EffectParameter]) -> str:
         f"the effort acts {said[0]} after its stamp in the reference recordings, {said[1]} in the "
         "second set: each was aligned by its own, since a command that is held over its period "
         "makes half a period"
-    )
-
-
-def _unattributed(sets: TwoSets, term: Term) -> str:
-    """A difference outside the catalogue."""
-    effect, made = term.candidate.effect, torques_of(sets, [term])[0]
-    assert isinstance(effect, Nonparametric)
-    return (
-        f"the recordings differ at {made.joint} by {torque(sets.data, made.rms, made.joint)}, a "
-        f"torque that {effect.words}, {WHERE[side_of(sets, term)]}; nothing in the catalogue "
-        "explains it"
     )
 
 
@@ -224,21 +557,35 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     each part of the time as the other parts have them. What is left in the reference is that of
     white noise at the second set's rate.
     """
-    model = changes.selection.model
+    data, model = sets.data, changes.selection.model
     after = model.residuals
     before = [rest.copy() for rest in after]
     for term in model.terms:
-        for joint, moved in _moved(sets, term).items():
+        columns: Columns = term.columns
+        sign, acts = 1.0, bool(term.candidate.scope)
+        if acts and _side_of(sets, term) == "reference":
+            acts, sign = term.candidate.kind is not Kind.NUMBER, -1.0
+            if acts:
+                (columns,) = rows_of(data, term.effect, term.place, [term.shape])
+        for joint, rows in columns.items() if acts else ():
+            moved = sign * (rows @ term.coefficients) * sets.inside[joint]
             before[joint] += moved
             if term in changes.doubtful:
                 after[joint] += moved
-    alone = _with_numbers_of_second(sets, changes, after)
+    ledger = changes.selection.comparison.options.ledger
+    part, alone = quarters(data, ledger), [rest.copy() for rest in after]
+    for number in np.unique(part):
+        out = [part[blocks] == number for blocks in ledger.blocks]
+        fitted = [inside & ~gone for inside, gone in zip(sets.inside, out, strict=True)]
+        left = refit_residuals(ledger, after, fitted)
+        for rest, predicted, gone in zip(alone, left, out, strict=True):
+            rest[gone] = predicted[gone]
     one, other = (
         min(motion.signals.rate for motion in refit.data.prepared.motions) for refit in sets.refits
     )
     noise = float(np.sqrt(max(1.0, one / other)))  # fewer samples in a row: more noise
     made, of_reference = [], []
-    for joint, (name, inside) in enumerate(zip(sets.data.joints, sets.inside, strict=True)):
+    for joint, (name, inside) in enumerate(zip(data.joints, sets.inside, strict=True)):
         if joint in sets.not_compared:
             continue
         first, second, least = (rms(rest[joint][inside]) for rest in (before, after, alone))
@@ -248,36 +595,3 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
         made.append(JointContrast(name, first, second, least, share, unexplained))
         of_reference.append(noise * rms(after[joint][~inside]))
     return made, of_reference
-
-
-def _with_numbers_of_second(
-    sets: TwoSets, changes: Changes, residuals: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """(r_j,) what numbers of the second set leave of parts that they are not fitted to."""
-    ledger = changes.selection.comparison.options.ledger
-    part = quarters(sets.data, ledger)
-    made = [rest.copy() for rest in residuals]
-    for number in np.unique(part):
-        out = [part[blocks] == number for blocks in ledger.blocks]
-        fitted = [rows & ~gone for rows, gone in zip(sets.inside, out, strict=True)]
-        left = refit_residuals(ledger, residuals, fitted)
-        for rest, predicted, gone in zip(made, left, out, strict=True):
-            rest[gone] = predicted[gone]
-    return made
-
-
-def _moved(sets: TwoSets, term: Term) -> dict[int, FloatArray]:
-    """What the second set's torque (r_j,) has beyond the reference's model by a term."""
-    columns: Columns = term.columns
-    sign = 1.0
-    if not term.candidate.scope:
-        return {}
-    if side_of(sets, term) == "reference":
-        if term.candidate.kind is Kind.NUMBER:
-            return {}
-        (columns,) = rows_of(sets.data, term.effect, term.place, [term.shape])
-        sign = -1.0
-    return {
-        joint: sign * (rows @ term.coefficients) * sets.inside[joint]
-        for joint, rows in columns.items()
-    }

@@ -168,7 +168,7 @@ def _parametric_cause(
         kind="parametric",
         joint=name,
         sentence="",
-        parameters=term.parameters(space),
+        parameters=term.parameters,
         probability=judgement.probability,
         evidence=Evidence(2.0 * term.evidence, chosen_in_folds=judgement.chosen),
         indistinguishable_from=others,
@@ -193,13 +193,13 @@ def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterE
 
 def hints_of(explanation: Explained) -> tuple[Hint, ...]:
     """Terms that were selected and are no causes, each with the reason."""
-    data, space, made = explanation.data, explanation.selection.catalogue.space, []
+    data, made = explanation.data, []
     for judgement in explanation.doubtful:
         term, place = judgement.term, judgement.term.candidate.place
         if place is None or float(term.whole.max()) <= 0.0:
             continue
         joints = [data.joints[joint] for joint in place.joints]
-        numbers = data.in_units_at(place.joint, term.parameters(space))
+        numbers = data.in_units_at(place.joint, term.parameters)
         share = float(term.visible[place.joint]) * data.torque_sizes[place.joint]
         rest = explanation.tested.stages[-1].torque_rms[joints[0]]
         made.append(

@@ -16,7 +16,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key, Kind
 from idim_iv_ros.diagnosis.comparison.options import Whitened
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, Place, Shape
-from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
+from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.types import FloatArray
 
 _LINES_KEPT = 64  # options; a search asks for some forty, again and again
@@ -76,12 +76,13 @@ class Term:
         """Whether it is an effect of the catalogue."""
         return self.candidate.kind is Kind.EFFECT
 
-    def parameters(self, space: ParameterSpace) -> Parameters:
+    @property
+    def parameters(self) -> Parameters:
         """Numbers that mean something to an engineer, with deviations beside all other errors."""
         effect = self.candidate.effect
         if isinstance(effect, ParametricEffect):
             estimates = self.candidate.estimates(self.coefficients, self.deviations)
-            return effect.parameters(space, self.key.joint, estimates)
+            return effect.parameters(estimates)
         return effect.parameters(self.shape, self.coefficients, self.deviations)
 
     @property

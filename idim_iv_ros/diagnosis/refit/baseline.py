@@ -1,36 +1,49 @@
-"""The refit: the model that every candidate is added to, and the rows that it leaves."""
+"""The refit: the model that every candidate is added to, and the rows that it leaves.
 
-from collections.abc import Sequence
+Its processing is proposed where the user leaves it open. The band in which candidates are looked
+for is wider than that of the identification. Rows beside a reversal count only where it is known
+when joints stick and slip. There dry friction crosses from one level to the other while the joint
+sticks. A simulated closed loop shows when; without one only the sign of the measured speed remains,
+which is wrong there by as much as the friction, and the decimation filter smears that over the rows
+around.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
-from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
-from idim_iv_ros.diagnosis.refit.law_speed import with_law_speed
-from idim_iv_ros.diagnosis.refit.processing import proposals
+from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, with_law_speed
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, dynamics_of, smooth_motions
 from idim_iv_ros.diagnosis.result.causes import JointChange
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.instruments import InstrumentSources, instrument_sources
+from idim_iv_ros.estimation.least_squares import solve_least_squares
 from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import Motion, shifted
+from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray, IntArray
 
 _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 _ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
 _AT_ONCE = 32  # shapes: their columns together stay small
+_NYQUIST_MARGIN = 1.3  # of half of the sampling rate over the proposed cut-off of the positions
+_NOISE_SEGMENT = 2.0  # s of the spectrum from which the noise of the sensors is read
+_HIGHEST_CUTOFF = 0.4  # of the sampling rate: cut-off of the positions that is proposed at most
 
 T = TypeVar("T", bound=np.generic)
 
@@ -74,21 +87,27 @@ class Baseline:
 
     def on(self, motions: tuple[SmoothMotion, ...]) -> "Baseline":
         """Return the same on other motions, with friction that sticks as theirs does."""
-        model, parts = self.prepared.model, [[] for _ in self.joints]  # type: ignore[var-annotated]
+        parts = []
         for motion in motions:
-            matrices = model.joint_matrices(motion.position, motion.velocity, motion.acceleration)
+            states = motion.position, motion.velocity, motion.acceleration
+            matrices = self.prepared.model.joint_matrices(*states)
             for joint, matrix in enumerate(matrices):
                 matrix[:, self.columns_of(joint, "Fc")] = motion.slip[:, [joint]]
-                parts[joint].append(motion.rows(matrix)[motion.kept[:, joint]])
+            rows = zip(map(motion.rows, matrices), motion.kept.T, strict=True)
+            parts.append([matrix[kept] for matrix, kept in rows])
         joints = tuple(
-            replace(rows, matrix=np.concatenate(part), position=None)
-            for rows, part in zip(self.rows, parts, strict=True)
+            replace(row, matrix=np.concatenate([part[joint] for part in parts]), position=None)
+            for joint, row in enumerate(self.rows)
         )
         return replace(self, motions=motions, regression=replace(self.regression, joints=joints))
 
     def later(self, shift: float) -> "Baseline":
         """Return the same with the effort of the rows `shift` seconds later than recorded."""
-        rows = later(self.rows, self.prepared.motions, shift)
+        torques = [torque_rows(_later(motion, shift)) for motion in self.prepared.motions]
+        rows = tuple(
+            replace(row, torque=np.concatenate([torque[joint] for torque in torques]))
+            for joint, row in enumerate(self.rows)
+        )
         return replace(self, regression=replace(self.regression, joints=rows), shift=shift)
 
     @property
@@ -191,7 +210,7 @@ def baseline(recordings: Sequence[Recording], configuration: Configuration) -> B
     """Refit the model by IDIM-IV, with torque offsets; errors as `identify`.
 
     Unless the user says how far rows keep from a reversal, they count there if, and only if, the
-    closed loop could be simulated: see `refit.processing`.
+    closed loop could be simulated.
     """
     for section in proposals([recordings], configuration):
         refit = refit_of(prepare(recordings, section))
@@ -207,12 +226,11 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     """
     configuration = prepared.configuration
     left_out = {finding.joint for finding in prepared.joint_findings if finding.left_out}
+    late = [_later(motion, shift) if shift != 0.0 else motion for motion in prepared.motions]
     rows = tuple(
         replace(row, left_out=joint in left_out)
-        for joint, row in enumerate(observation_rows(prepared.model, prepared.motions))
+        for joint, row in enumerate(observation_rows(prepared.model, late))
     )
-    if shift != 0.0:
-        rows = later(rows, prepared.motions, shift)
     require_excitation(prepared, rows)
     sources, commands = with_law_speed(
         instrument_sources(configuration, prepared.model, prepared.motions, prepared.cutoffs)
@@ -230,19 +248,10 @@ def refit_of(prepared: PreparedRegression, shift: float = 0.0) -> Baseline:
     return made.on(motions)
 
 
-def later(
-    rows: tuple[JointRows, ...], motions: Sequence[Motion], shift: float
-) -> tuple[JointRows, ...]:
-    """Return the rows with the recorded effort `shift` seconds later."""
-    torques = []
-    for motion in motions:
-        signals = motion.signals
-        moved = shifted(signals.torque, shift, signals.rate)
-        torques.append(torque_rows(replace(motion, signals=replace(signals, torque=moved))))
-    return tuple(
-        replace(row, torque=np.concatenate([torque[joint] for torque in torques]))
-        for joint, row in enumerate(rows)
-    )
+def _later(motion: Motion, shift: float) -> Motion:
+    signals = motion.signals
+    effort = shifted(signals.torque, shift, signals.rate)
+    return replace(motion, signals=replace(signals, torque=effort))
 
 
 def with_parameters(data: Baseline, values: FloatArray) -> Baseline:
@@ -291,3 +300,99 @@ def rows_of(
             for columns, lines in zip(made[start:], shares, strict=False):
                 columns[joint] = lines.T
     return list(made)
+
+
+def proposals(
+    sets: Sequence[Sequence[Recording]], configuration: Configuration
+) -> Iterator[Configuration]:
+    """Processing in the order in which it is tried: of a loop that is simulated, and of none.
+
+    Each is that of the narrowest band of the sets, with a model that has torque offsets, but those
+    that it excludes.
+
+    `sets`: recordings that are refitted apart from one another in one band.
+    """
+    friction = configuration.identification.friction
+    if "offset" not in friction:
+        configuration = configuration.changed("identification", friction=[*friction, "offset"])
+    may_be = all(recording.position_reference is not None for part in sets for recording in part)
+    for simulated in (True, False) if may_be else (False,):
+        options = [widened(part, configuration, simulated=simulated).processing for part in sets]
+        narrow = min(options, key=lambda option: option.decimation_cutoff or 0.0)
+        positions = [option.position_cutoff for option in options if option.position_cutoff]
+        if positions and configuration.processing.position_cutoff is None:
+            position = max(min(positions), narrow.decimation_cutoff or 0.0)
+            narrow = narrow.model_copy(update={"position_cutoff": position})
+        if simulated:
+            counting = {"reversal_margin": narrow.reversal_margin or 0.0}
+            narrow = narrow.model_copy(update=counting)
+        yield configuration.model_copy(update={"processing": narrow})
+
+
+def widened(
+    recordings: Sequence[Recording],
+    configuration: Configuration,
+    *,
+    simulated: bool = True,
+) -> Configuration:
+    """Propose a decimation cut-off for the diagnosis where the user names none.
+
+    What distinguishes effects (ripple, shafts, play, delays) lies higher than what identifies
+    inertias. Noise of encoders costs little there: it is in the noise by whose spectrum rows are
+    weighted. White noise of standard deviation σ_q at the positions gives the torque of an inertia
+    J the density J² σ_q² (2πf)⁴; the band ends where its power is s² times that of the torque's
+    noise, (2πf)² = √5 s σ_τ / (J σ_q): beyond, a coarse encoder's steps pass for a soft shaft.
+    Where no simulated motion is joined, this noise is in the columns of every candidate, and what
+    is late averages it: beyond s = 1 it passes for a delay.
+
+    `simulated`: whether the closed loop is.
+    """
+    processing = configuration.processing
+    if processing.decimation_cutoff is not None:
+        return configuration
+    prepared = prepare(recordings, configuration)
+    rate = min(motion.signals.rate for motion in prepared.motions)
+    measured = rate
+    for recording in recordings:  # efforts of a slower topic are interpolated to the grid
+        topic = recording.effort.origin.rpartition(" ")[0]
+        clocks = [clock.rate for clock in recording.clocks if clock.topic == topic]
+        measured = min(measured, *(clocks[:1] or [recording.rate]))
+    sampled = measured / (2.0 * settings.POSITION_OVER_DECIMATION * _NYQUIST_MARGIN)
+    noise = settings.ACCELERATION_NOISE if simulated else settings.MEASURED_NOISE
+    rows = observation_rows(prepared.model, prepared.motions)
+    require_excitation(prepared, rows)
+    values = solve_least_squares(rows, len(prepared.model.base.columns)).values
+    parameters = prepared.model.dynamic_parameters(values)
+    positions = prepared.motions[0].position
+    inertia = np.abs(joint_inertia(prepared.model.robot, parameters, positions))
+    ratio = _noise(prepared.motions, "torque") / np.maximum(
+        inertia * _noise(prepared.motions, "position"), 1e-30
+    )
+    # Where accelerations add `noise` times the torque's, the least over the joints.
+    limit = float(np.sqrt(np.sqrt(5.0) * noise * ratio.min())) / (2.0 * np.pi)
+    cutoff = min(limit, settings.WIDEST_BAND, sampled)
+    cutoff = max(cutoff, prepared.cutoffs.decimation)
+    edge = processing.decimation_edge
+    factor = max(1, int(edge * rate / (2.0 * cutoff)))
+    if factor > settings.SAMPLES_PER_ROW:  # a multiple, so that candidates need a coarse grid only
+        most = round if simulated else ceil
+        factor = settings.SAMPLES_PER_ROW * most(factor / settings.SAMPLES_PER_ROW)
+    cutoff = edge * rate / (2.0 * factor)
+    position = processing.position_cutoff
+    if position is None:
+        wanted = max(prepared.cutoffs.position, settings.POSITION_OVER_DECIMATION * cutoff)
+        position = min(wanted, _HIGHEST_CUTOFF * rate)
+    cutoffs = {"position_cutoff": position, "decimation_cutoff": min(cutoff, position)}
+    return configuration.changed("processing", **cutoffs)
+
+
+def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
+    """Standard deviation (n_joints,) of the noise in single samples: the upper half of the band."""
+    variances = []
+    for motion in motions:
+        values, rate = getattr(motion.signals, quantity), motion.signals.rate
+        segment = min(len(values), max(64, int(_NOISE_SEGMENT * rate)))
+        frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
+        upper = density[frequency > 0.25 * rate]
+        variances.append(np.median(upper, axis=0) * rate / 2.0)
+    return np.asarray(np.sqrt(np.mean(variances, axis=0)))

@@ -1,4 +1,12 @@
-"""Commands of one joint beside its configured law: rows, the speed of the law, and events."""
+"""Commands of one joint beside its configured law: rows, the speed of the law, and events.
+
+A drive computes its speed from differences of its encoder, mostly filtered, or has an observer. A
+law whose speed is late looks like one with feedforward of the acceleration, of size kd times the
+lateness; if one of these speeds explains the command, the law is as configured.
+
+The simulated loop has that speed, too: with kd on an exact one it is damped more, and the
+difference in motion looks like elasticity, backlash or a torque that saturates.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,11 +19,12 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.effects.contribution import CommandParts
 from idim_iv_ros.effects.registry import CONTROL_LAW
+from idim_iv_ros.estimation.instruments import InstrumentSources, SimulatedLoop
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.signals import JointSignals, Motion, shifted
 from idim_iv_ros.signals.motion import all_around
-from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -26,7 +35,11 @@ _EDGE = 0.5  # of the peak of an event, where it begins and ends
 _LEAST_EVENT = 0.1  # of the energy of the largest event, to be listed
 _LAG_STEPS = 4  # at most, of the search for a lag
 _LEAST_STEP = 0.999  # of what is left, which a step must come below
-_ROWS = ("rest", "errors", "recording", "time", "second")  # fields with a value for each row
+# Share of the newest difference in a first-order filter: from a hardly filtered speed to one that
+# is twenty samples late.
+_FACTORS = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.05)
+_SAME_FACTOR = 0.02  # difference of two filters that makes none for the lag of commands
+_CHOICES = 3  # of a speed, at most, as late as the commands are with the one before
 
 
 @dataclass(frozen=True)
@@ -70,10 +83,8 @@ class LawSpeed:
             return "the recorded velocity"
         if self.kind == "central":
             return "central differences of the position"
-        if self.factor == 1.0:
-            return "backward differences of the position"
-        through = f"through a first-order filter of factor {self.factor:.2g}"
-        return f"backward differences of the position {through}"
+        through = f" through a first-order filter of factor {self.factor:.2g}"
+        return f"backward differences of the position{through if self.factor != 1.0 else ''}"
 
 
 @dataclass(frozen=True)
@@ -106,23 +117,21 @@ class CommandRows:
 
     def only(self, kept: BoolArray) -> "CommandRows":
         """Leave out the rows that are not `kept` (r,)."""
+        names = ("rest", "errors", "recording", "time", "second")  # a value for each row
         return replace(
             self,
-            **{name: getattr(self, name)[kept] for name in _ROWS},
+            **{name: getattr(self, name)[kept] for name in names},
             groups={name: torque[kept] for name, torque in self.groups.items()},
             runs=segments_of([kept[run] for run in self.runs]),
         )
 
     def followed_by(self, other: "CommandRows") -> "CommandRows":
         """Rows of two sets, each with errors of its own."""
-        first = len(self.rest)
-        groups = [
-            np.concatenate([torque, other.groups[name]]) for name, torque in self.groups.items()
-        ]
+        first, groups = len(self.rest), self.groups.items()
         return CommandRows(
             rest=np.concatenate([self.rest, other.rest]),
             size=max(self.size, other.size),
-            groups=dict(zip(self.groups, groups, strict=True)),
+            groups={name: np.concatenate([one, other.groups[name]]) for name, one in groups},
             errors=scipy.linalg.block_diag(self.errors, other.errors),
             likely=np.concatenate([self.likely, other.likely]),
             runs=(*self.runs, *(slice(first + r.start, first + r.stop) for r in other.runs)),
@@ -130,6 +139,10 @@ class CommandRows:
             time=np.concatenate([self.time, other.time]),
             second=np.repeat([False, True], [first, len(other.rest)]),
         )
+
+    def left_by(self, *columns: FloatArray) -> FloatArray:
+        """What constants and more columns (r, …) leave of the rest, (r,) N m (N)."""
+        return independent_basis(np.column_stack([self.constants, *columns])).remove(self.rest)
 
 
 class LawCommands:
@@ -140,18 +153,11 @@ class LawCommands:
 
     def __init__(self, motions: Sequence[Motion], law: ControlLaw) -> None:
         self.motions, self.law = tuple(motions), law
+        # Longest time between two samples of a recording, s; and the period of the control, which
+        # is that of the samples unless the law has one.
+        self.interval = 1.0 / min(motion.signals.rate for motion in motions)
+        self.period = self.interval if law.period is None else law.period
         self._late: dict[tuple[int, LawSpeed], CommandRows | None] = {}
-        self._faster: dict[tuple[int, LawSpeed, float], FloatArray] = {}
-
-    @property
-    def interval(self) -> float:
-        """Longest time between two samples of a recording, s."""
-        return 1.0 / min(motion.signals.rate for motion in self.motions)
-
-    @property
-    def period(self) -> float:
-        """Of the control, s; unless the law has one, that of the samples."""
-        return self.interval if self.law.period is None else self.law.period
 
     def rows(self, joint: int, speed: LawSpeed, lag: float = 0.0) -> CommandRows | None:
         """Evaluate the law on the measured motion; None where too few rows are left.
@@ -197,38 +203,35 @@ class LawCommands:
         as they leave less beside all that the law may have otherwise.
         """
         if (joint, speed) not in self._late:
-            rows = self.rows(joint, speed)
-            self._late[joint, speed] = rows and self._later(joint, speed, rows)
+            rows = later = self.rows(joint, speed)
+            rest = np.inf
+            for _ in range(_LAG_STEPS + 1):
+                if later is None:
+                    break
+                left = rms(later.left_by(later.errors, *later.groups.values()))
+                if left >= _LEAST_STEP * rest:
+                    break
+                rows, rest = later, left
+                # The lag that would explain the most alone.
+                rate = independent_basis(rows.constants).remove(rows.errors[:, 0])
+                step = float(rate @ rows.left_by()) / max(float(rate @ rate), 1e-300)
+                later = self.rows(joint, speed, rows.lag + step)
+            self._late[joint, speed] = rows
         return self._late[joint, speed]
 
-    def faster(self, joint: int, speeds: Sequence[LawSpeed], lag: float) -> list[FloatArray]:
-        """Rows (r,) by which other speeds are above the plain one, where no limit acts.
+    def faster(self, joint: int, speeds: Sequence[LawSpeed], lag: float) -> FloatArray:
+        """Rows (r, speeds) by which other speeds are above the plain one, where no limit acts.
 
         `lag`: by which they are taken later, s.
         """
-        new = [speed for speed in speeds if (joint, speed, lag) not in self._faster]
         parts = []
-        for motion in self.motions if new else ():
+        for motion in self.motions:
             signals, (_, free) = motion.signals, self._evaluated(motion, joint, LawSpeed())
             plain = LawSpeed().of(signals, joint)
-            changes = np.stack([(speed.of(signals, joint) - plain) * free for speed in new])
+            changes = np.stack([(speed.of(signals, joint) - plain) * free for speed in speeds])
             moved = shifted(changes.T, lag, signals.rate)[motion.span]
             parts.append(motion.decimation.whole(moved)[self._comparable(motion, joint)])
-        for speed, *rows in zip(new, *(part.T for part in parts), strict=True):
-            self._faster[joint, speed, lag] = np.concatenate(rows)
-        return [self._faster[joint, speed, lag] for speed in speeds]
-
-    def _later(self, joint: int, speed: LawSpeed, rows: CommandRows) -> CommandRows:
-        step, rest = _lag_alone(rows)
-        for _ in range(_LAG_STEPS):
-            later = self.rows(joint, speed, rows.lag + step)
-            if later is None:
-                break
-            step, left = _lag_alone(later)
-            if left >= _LEAST_STEP * rest:
-                break
-            rows, rest = later, left
-        return rows
+        return np.concatenate(parts)
 
     def _evaluated(
         self, motion: Motion, joint: int, speed: LawSpeed
@@ -262,35 +265,119 @@ class LawCommands:
         return np.asarray(kept[:, 0])
 
 
-def _lag_alone(rows: CommandRows) -> tuple[float, float]:
-    """Lag, s, that would explain the most alone; RMS of what all changes leave, N m (N)."""
-    constants = independent_basis(rows.constants)
-    rest, rate = constants.remove(rows.rest), constants.remove(rows.errors[:, 0])
-    whole = independent_basis(np.column_stack([rows.constants, rows.errors, *rows.groups.values()]))
-    step = float(rate @ rest) / max(float(rate @ rate), 1e-300)
-    return step, rms(whole.remove(rows.rest))
+def law_speed(commands: LawCommands, *, computed: bool = False) -> LawSpeed:
+    """Choose the speed of the law, one for all joints and recordings.
+
+    Constants, the gains and a lag of the command are fitted with each, so that another gain does
+    not pass for another speed. The lag is that which the commands have beside the speed of the
+    choice before: taken at once with a wrong speed it would keep that one. The plain central
+    difference stays unless another leaves clearly less. `computed`: leave the recorded velocity
+    out: only what can be computed from any position.
+    """
+    every = all(motion.signals.velocity is not None for motion in commands.motions)
+    chosen = LawSpeed()
+    for _ in range(_CHOICES):
+        before, chosen = chosen, _chosen(commands, chosen, recorded=every and not computed)
+        if chosen.kind == before.kind and abs(chosen.factor - before.factor) < _SAME_FACTOR:
+            break
+    return chosen
+
+
+def _chosen(commands: LawCommands, before: LawSpeed, *, recorded: bool) -> LawSpeed:
+    """Speed that explains the commands best where they are as late as with the one `before`."""
+    usable = []
+    for joint in np.flatnonzero(np.asarray(commands.law.kd) > 0.0).tolist():
+        rows = commands.late(joint, before)
+        if rows is not None and before != LawSpeed():
+            rows = commands.rows(joint, LawSpeed(), rows.lag)
+        if rows is not None:
+            usable.append((joint, rows))
+    if not usable:
+        return LawSpeed()
+
+    def scores(speeds: Sequence[LawSpeed], *more: str) -> dict[LawSpeed, float]:
+        """What speeds leave of the commands: geometric mean over joints.
+
+        Each joint counts by its own noise, as in a likelihood: one whose efforts are much off,
+        whatever the speed, would decide in a mean of squares. `more`: groups of the law beside kp.
+        """
+        logarithms = []
+        for joint, rows in usable:
+            others = [rows.errors[:, 0], *(rows.groups[name] for name in ("kp", *more))]
+            rest = rows.left_by(*others, rows.groups["kd"])
+            steady = away_from_events(rest, rows.recording, rows.time)
+            table = np.column_stack([rows.constants, *others])[steady]
+            kd, gain, left = rows.groups["kd"][steady], float(commands.law.kd[joint]), []
+            for change in commands.faster(joint, speeds, rows.lag)[steady].T:
+                basis = independent_basis(np.column_stack([table, kd - change]))
+                rest = basis.remove(rows.rest[steady] + gain * change)
+                left.append(float(np.sum(rest**2)) / max(len(rest) * rows.size**2, 1e-300))
+            logarithms.append(np.log(np.maximum(left, 1e-30)))
+        return dict(zip(speeds, np.exp(0.5 * np.mean(logarithms, axis=0)).tolist(), strict=True))
+
+    def score(factor: float) -> float:
+        speed = LawSpeed("filtered", float(factor))
+        return scores([speed])[speed]
+
+    early = [LawSpeed(), LawSpeed("recorded")] if recorded else [LawSpeed()]
+    options = scores(early + [LawSpeed("filtered", factor) for factor in _FACTORS])
+    plain, chosen = options[LawSpeed()], min(options, key=lambda speed: options[speed])
+    place = _FACTORS.index(chosen.factor)
+    if chosen.kind == "filtered" and 0 < place < len(_FACTORS) - 1:
+        bounds = _FACTORS[place + 1], _FACTORS[place - 1]
+        near = scipy.optimize.minimize_scalar(
+            score, bounds=bounds, method="bounded", options={"xatol": 1e-3}
+        )
+        if near.fun < options[chosen]:
+            chosen = LawSpeed("filtered", float(near.x))
+            options[chosen] = float(near.fun)
+    if options[chosen] >= (1.0 - settings.LAW_SPEED_GAIN) * plain:
+        return LawSpeed()
+    if chosen.kind != "filtered":
+        return chosen
+    # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
+    left = scores([*early, chosen], "feedforward_acceleration")
+    best = min(early, key=lambda speed: left[speed])
+    return best if left[best] < (1.0 - settings.LAW_SPEED_GAIN) * left[chosen] else chosen
+
+
+def with_law_speed(sources: InstrumentSources) -> tuple[InstrumentSources, LawCommands | None]:
+    """Give the laws of the simulated loop the speed that reproduces the recorded commands.
+
+    The robot has one law: it is compared with the commands of all recordings, which are returned as
+    well. Its speed is filtered so that it is as late as that of the robot's law; a recorded
+    velocity that the law uses is imitated by the filter that reproduces the commands best. Nothing
+    changes where the law is fitted (with what the recording holds of the speed; there are no
+    commands to compare then), or where no differences of the position reproduce the commands better
+    than the plain ones.
+    """
+    first, *others = sources.sources
+    if sources.fits or not isinstance(first, SimulatedLoop):
+        return sources, None
+    commands = LawCommands(first.motions, first.laws[0])
+    speed = law_speed(commands, computed=True)
+    if speed.kind != "filtered":
+        return sources, commands
+    laws = []
+    for motion, law in zip(first.motions, first.laws, strict=True):
+        rate = motion.signals.rate
+        period = 1.0 / rate if law.period is None else law.period
+        laws.append(replace(law, speed_factor=factor_of_lateness(speed.lateness(rate), period)))
+    loop = replace(first, laws=tuple(laws))
+    return replace(sources, sources=(loop, *others)), commands
 
 
 @dataclass(frozen=True)
 class LawEvent:
     """A stretch of time in which commands hold something that their law does not.
 
-    `begin`, `end`: s of the `recording`; `size`: its median, N m (N); `energy`: sum of squares.
+    `begin`, `end`: s of the `recording`; `size`: its median, N m (N).
     """
 
     begin: float
     end: float
     recording: int
     size: float
-    energy: float
-
-
-def _in_events(rest: FloatArray) -> BoolArray:
-    """Rows (r,) that belong to events; none where what a model leaves acts all the time."""
-    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
-        return np.zeros(len(rest), dtype=bool)
-    size = np.abs(rest)
-    return np.asarray(size > settings.LAW_EVENT_SIZE * np.median(size))
 
 
 def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[LawEvent]:
@@ -301,7 +388,7 @@ def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[L
 
     `rest`, `recording`, `time`: (r,) N m (N); which recording a row belongs to; s.
     """
-    large = np.flatnonzero(_in_events(rest))
+    large = _in_events(rest)
     if len(large) == 0:
         return []
     apart = np.diff(time[large]) > settings.LAW_EVENTS_APART
@@ -310,10 +397,10 @@ def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[L
         size = np.abs(rest[part])
         core = part[size >= _EDGE * size.max()]
         begin, end = time[core[[0, -1]]].tolist()
-        middle, energy = float(np.median(rest[core])), float(np.sum(rest[part] ** 2))
-        events.append(LawEvent(begin, end, int(recording[core[0]]), middle, energy))
-    events.sort(key=lambda event: -event.energy)
-    return [event for event in events if event.energy >= _LEAST_EVENT * events[0].energy]
+        event = LawEvent(begin, end, int(recording[core[0]]), float(np.median(rest[core])))
+        events.append((float(np.sum(rest[part] ** 2)), event))
+    events.sort(key=lambda pair: -pair[0])
+    return [event for energy, event in events if energy >= _LEAST_EVENT * events[0][0]]
 
 
 def away_from_events(rest: FloatArray, recording: IntArray, time: FloatArray) -> BoolArray:
@@ -324,7 +411,15 @@ def away_from_events(rest: FloatArray, recording: IntArray, time: FloatArray) ->
     Parameters are those of `events_in`.
     """
     kept = np.ones(len(rest), dtype=bool)
-    for row in np.flatnonzero(_in_events(rest)):
+    for row in _in_events(rest):
         near = np.abs(time - time[row]) <= settings.LAW_EVENTS_APART
         kept &= ~near | (recording != recording[row])
     return kept if int(kept.sum()) >= settings.LEAST_ROWS else np.ones_like(kept)
+
+
+def _in_events(rest: FloatArray) -> IntArray:
+    """Places of rows in events; none where what a model leaves acts all the time."""
+    if excess_kurtosis(rest) < settings.LAW_EVENT_KURTOSIS:
+        return np.zeros(0, dtype=np.int64)
+    size = np.abs(rest)
+    return np.flatnonzero(size > settings.LAW_EVENT_SIZE * np.median(size))

@@ -110,10 +110,8 @@ def held_out(
     turns over the whole session: what changes with time cannot be predicted from another part of
     it.
     """
-    folds, note = folds_of(data, repeats, interleaved=interleaved)
-    blocks = row_blocks(data)
-    # Weights of the least torque gap.
-    white = tuple(map(white_noise, extended.joints, fit.residuals))
+    (folds, note), blocks = folds_of(data, repeats, interleaved=interleaved), row_blocks(data)
+    white = tuple(map(white_noise, extended.joints, fit.residuals))  # for the least torque gap
     plain, whitened = (
         predicted(extended, noise_models, folds) for noise_models in (white, fit.noise_models)
     )
@@ -125,29 +123,21 @@ def held_out(
         names.insert(0, "given")
         stages.insert(0, [rows.residual(given) for rows in extended.joints])
     sums = tuple(tuple(map(energies, stage, blocks)) for stage in stages)
+    count, gains = 1 + max(int(fold.max()) for fold in folds), []
+    for effect, block in enumerate(extended.added):
+        before, after = (
+            np.sum([np.bincount(folds[j], stage[j] ** 2, count) for j in sorted(block)], axis=0)
+            for stage in whitened[effect : effect + 2]
+        )
+        present = before > 0.0
+        helped = int(np.sum(after[present] < before[present]))
+        gains.append((float(1.0 - after.sum() / before.sum()), helped, int(present.sum())))
     return HeldOut(
         stages=tuple(stage_of(*pair, data.joints) for pair in zip(names, sums, strict=True)),
         sums=sums,
-        gains=tuple(
-            _gain(whitened[effect : effect + 2], folds, sorted(block))
-            for effect, block in enumerate(extended.added)
-        ),
+        gains=tuple(gains),
         note=note,
     )
-
-
-def _gain(
-    stages: Sequence[Sequence[FloatArray]], folds: Sequence[IntArray], joints: Sequence[int]
-) -> tuple[float, int, int]:
-    """Share of the energy that the second of two stages takes; folds in which it does, of all."""
-    count = 1 + max(int(fold.max()) for fold in folds)
-    before, after = (
-        np.sum([np.bincount(folds[j], stage[j] ** 2, count) for j in joints], axis=0)
-        for stage in stages
-    )
-    present = before > 0.0
-    helped = int(np.sum(after[present] < before[present]))
-    return float(1.0 - after.sum() / before.sum()), helped, int(present.sum())
 
 
 def row_blocks(data: Baseline, length: float | None = None) -> tuple[IntArray, ...]:
@@ -178,11 +168,11 @@ def folds_of(
     stretches = max(int(seconds / settings.INTERLEAVED_FOLD), count) if interleaved else count
     fold = np.arange(sum(lengths)) * stretches // sum(lengths) % count
     folds = data.of_joints(np.split(fold, np.cumsum(lengths)[:-1]))
-    which = f"every {count}th block" if interleaved else f"each of {count} blocks"
-    note = f"{which} of {seconds / stretches:.2g} s is predicted from the others"
+    which, why = f"each of {count} blocks", ""
     if interleaved:
-        note += ", as what changes with time cannot be predicted from another part of the session"
-    return folds, note
+        which = f"every {count}th block"
+        why = ", as what changes with time cannot be predicted from another part of the session"
+    return folds, f"{which} of {seconds / stretches:.2g} s is predicted from the others{why}"
 
 
 def predicted(

@@ -1,4 +1,12 @@
-"""The refit on the smooth motion: its effort aligned, and gravity where it was missing."""
+"""The refit on the smooth motion: its effort aligned, and gravity where it was missing.
+
+How late the recorded effort acts is a property of the recording, the same for all joints. A law at
+period T computes its command from samples at t and the drive holds it until t + T: taken as a
+signal at t, the torque acts T/2 late, and later with every period of computing time. The drives of
+one robot share this, so that it is estimated once and taken out before causes are looked for. What
+a single joint has beyond it stays in the data, where `time_delay` finds it; a shift that is longer
+than that is a cause itself.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -7,22 +15,17 @@ import numpy as np
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.refit.baseline import (
-    Baseline,
-    baseline,
-    nominal_residuals,
-    refit_of,
-)
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline, nominal_residuals, refit_of
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks, stage_of
-from idim_iv_ros.diagnosis.refit.signal_chain import EffortShift, aligned
 from idim_iv_ros.diagnosis.refit.smooth_motion import measured_motion
 from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction, turning_friction
-from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
+from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap, JointChange
 from idim_iv_ros.diagnosis.result.document import NotTestable, Stage
+from idim_iv_ros.diagnosis.result.recordings import SignalChain
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import STRUCTURAL, name_of
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.simulation import inverse_dynamics
+from idim_iv_ros.simulation import control_period, inverse_dynamics
 from idim_iv_ros.statistics.bootstrap import energies
 from idim_iv_ros.types import FloatArray
 
@@ -41,6 +44,12 @@ _NOISE_ANSWERED = (
     "encoders with more bits, or faster motion",
 )
 _LEAST_SHARE = 0.2  # of the energy of one joint's residual, that gravity takes
+_EARLIEST_SHIFT = -1.0  # control periods: what a single joint tells of the recording
+# Joints that share a long shift: friction that falls with the speed looks late at every joint, and
+# at every one by another time.
+_SHARED = 0.75
+_FALLING = (0.03, 0.1)  # of the largest speed: over which friction may fall
+_SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first order only
 
 
 @dataclass(frozen=True)
@@ -82,10 +91,6 @@ class MissingGravity:
         if self.compensated:
             first = "the efforts hold no gravity: the driver records them without what balances it"
             rest = "without gravity. Record the whole effort, or set robot.gravity to zero"
-        said = (
-            f"{first}, ({shown}) m/s² with the masses of the nominal model. Everything else was "
-            f"diagnosed {rest}"
-        )
         return Cause(
             effect=name_of("gravity"),
             kind="parametric",
@@ -96,8 +101,85 @@ class MissingGravity:
             },
             evidence=Evidence(self.statistic),
             torque_gap=Gap.between(*gaps),
-            sentence=said,
+            sentence=f"{first}, ({shown}) m/s² with the masses of the nominal model. Everything "
+            f"else was diagnosed {rest}",
         )
+
+
+@dataclass(frozen=True)
+class EffortShift:
+    """Time from the recorded effort to the torque on the joints, s.
+
+    `chain`: as it is reported, without the speed of the law; positive where the effort is recorded
+    before it acts; `period`, `configured`: of the control, and the delay that the configured law
+    has.
+    """
+
+    chain: SignalChain
+    period: float
+    configured: float
+
+    @property
+    def common(self) -> EffectParameter:
+        """Shift of all joints that do not differ; zero, with no deviation, where there is none."""
+        return self.chain.effort_shift
+
+    @property
+    def beyond_control(self) -> bool:
+        """Whether nearly all joints share more than a command makes that is held and computed."""
+        shift, joints = self.common, len(self.chain.joint_shifts)
+        shared = joints - len(self.chain.differing)
+        if shift.std is None or shared < 2 or shared < _SHARED * joints:
+            return False
+        return is_beyond_control(shift.value - self.configured, shift.std, self.period)
+
+    def cause(self, before: Baseline, after: Baseline, support: float) -> Cause:
+        """Build the cause from the refits without and with the shift.
+
+        `support`: by how much the logarithm of the likelihood is higher with the delay in the loop;
+        0 where no loop is simulated.
+        """
+        delay = replace(self.common, value=self.common.value - self.configured)
+        assert delay.std is not None
+        one, other = (
+            [np.std(residual).item() for residual in data.regression.fitted.residuals]
+            for data in (before, after)
+        )
+        pairs = enumerate(zip(one, other, strict=True))
+        changes = [after.joint_change(joint, *of_joint) for joint, of_joint in pairs]
+        changes.sort(key=lambda change: -change.share_of_torque)
+        which = "which this recording cannot tell"
+        if abs(support) >= settings.LEAST_SUPPORT:
+            which = f"the motion is that of a loop with{'' if support > 0.0 else 'out'} the delay"
+        half = 1e3 * settings.NORMAL_95 * delay.std
+        sentence = (
+            f"time delay of all joints: efforts act {1e3 * delay.value:.3f} ± {half:.2g} ms "
+            f"after their stamps ({delay.value / self.period:.2f} control periods, of which a "
+            "held command takes half a one): the stamps are early, or commands take that long "
+            f"in the loop; {which}. Everything else was diagnosed with efforts at the time at "
+            "which they act"
+        )
+        return delay_of_all(delay, one, other, sentence, changes)
+
+    @property
+    def sentence(self) -> str:
+        """Say it with its size in periods of the control."""
+        shift = self.common.value
+        if self.common.std is None:
+            return "the effort's common shift in time cannot be determined on this recording"
+        half = 1e3 * settings.NORMAL_95 * self.common.std
+        text = (
+            f"the effort is recorded {1e3 * abs(shift):.3f} ± {half:.2g} ms "
+            f"{'before' if shift >= 0.0 else 'after'} it acts "
+            f"({abs(self.chain.periods):.2f} control periods), and aligned by that"
+        )
+        if shift >= 0.0:
+            text += ": a command that is held over its period acts half a period late"
+        for name in self.chain.differing:
+            value = self.chain.joint_shifts[name].value
+            when = "before" if value >= 0.0 else "after"
+            text += f"; that of {name} {1e3 * abs(value):.3g} ms {when} it acts"
+        return text
 
 
 @dataclass(frozen=True)
@@ -150,9 +232,7 @@ class Refit:
 
 
 def refitted(
-    recordings: Sequence[Recording],
-    configuration: Configuration,
-    without: Collection[str],
+    recordings: Sequence[Recording], configuration: Configuration, without: Collection[str]
 ) -> Refit:
     """Refit the nominal model and align the effort; errors as `identify`.
 
@@ -160,8 +240,7 @@ def refitted(
     configuration has none, unless its direction is among them.
     """
     data = baseline(recordings, configuration)
-    may_lack = name_of("gravity") not in without
-    gravity = missing_gravity(data) if may_lack else None
+    gravity = None if name_of("gravity") in without else missing_gravity(data)
     if gravity is not None:
         data = baseline(recordings, gravity.corrected(configuration))
     return replace(_aligned_throughout(data, without), gravity=gravity)
@@ -177,9 +256,18 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     early = on_likelier_motion(data)
     if not early.shift.beyond_control:
         return early
-    if data.sticking and not _shown_by_both_motions(data):
-        early = replace(early, data=early.data.later(0.0), shift=early.shift.undetermined)
-        return replace(early, answers_noise=True)
+    if data.sticking:
+        # A loop answers to the steps of coarse encoders, which are in the measured motion and in
+        # the command: that looks late, by another time in the measured and the simulated motion.
+        first, second = (aligned(motion)[1].common for motion in (data, _on_measured(data)))
+        unsure = float(np.hypot(first.std or 0.0, second.std or 0.0))  # of the same torque's noise
+        room = settings.SHIFT_AGREEMENT * max(early.shift.period, abs(first.value))
+        if abs(first.value - second.value) > unsure + room:
+            none = EffectParameter(0.0, None, "s")
+            shift = replace(
+                early.shift, chain=replace(early.shift.chain, effort_shift=none, periods=0.0)
+            )
+            return replace(early, data=early.data.later(0.0), shift=shift, answers_noise=True)
     delay, prepared, support = early.shift.common.value, data.prepared, 0.0
     of_stamps = refit_of(prepared, delay)
     refit = on_likelier_motion(of_stamps)
@@ -191,11 +279,7 @@ def _aligned_throughout(data: Baseline, without: Collection[str]) -> Refit:
     shift = replace(refit.shift, configured=early.shift.configured)
     if name_of("delay") in without or not shift.beyond_control:
         return refit
-    before, after = (
-        [float(np.std(residual)) for residual in one.regression.fitted.residuals]
-        for one in (data, refit.data)
-    )
-    return replace(refit, delays=(shift.cause(refit.data, before, after, support),))
+    return replace(refit, delays=(shift.cause(data, refit.data, support),))
 
 
 def on_likelier_motion(data: Baseline) -> Refit:
@@ -208,19 +292,6 @@ def on_likelier_motion(data: Baseline) -> Refit:
     if not data.sticking:
         return joined
     return max(joined, _with_friction(_on_measured(data)), key=_likelihood)
-
-
-def _shown_by_both_motions(data: Baseline) -> bool:
-    """Whether the measured and the simulated motion show the same shift of the effort.
-
-    A loop answers to the steps of coarse encoders, which are in the measured motion and in the
-    command: that looks late, by another time in either.
-    """
-    shifts = [aligned(one)[1] for one in (data, _on_measured(data))]
-    first, second = (shift.common for shift in shifts)
-    unsure = float(np.hypot(first.std or 0.0, second.std or 0.0))  # of the same torque's noise
-    apart = abs(first.value - second.value)
-    return apart <= unsure + settings.SHIFT_AGREEMENT * max(shifts[0].period, abs(first.value))
 
 
 def _on_measured(data: Baseline) -> Baseline:
@@ -289,3 +360,95 @@ def unit_gravity_rows(data: Baseline, accelerations: FloatArray) -> list[FloatAr
         data.decimated(joint, [torque[:, joint] for torque in torques])
         for joint in range(len(robot.joints))
     ]
+
+
+def is_beyond_control(delay: float, std: float, period: float) -> bool:
+    """Whether a delay is surely longer than a control of this period makes it; all in s."""
+    unsure = settings.SHIFT_AGREEMENT * period + settings.CLEAR_DEVIATIONS * std
+    return delay - unsure > settings.LONGEST_LAG * period
+
+
+def delay_of_all(
+    delay: EffectParameter,
+    before: Sequence[float],
+    after: Sequence[float],
+    sentence: str,
+    changes: Sequence[JointChange] = (),
+) -> Cause:
+    """Name a delay that all joints share, with the gap of each joint before and after it."""
+    assert delay.std is not None
+    gap = Gap.between(float(np.linalg.norm(before)), float(np.linalg.norm(after)))
+    return Cause(
+        effect=name_of("delay"),
+        kind="structural",
+        joint=None,
+        parameters={"delay": delay},
+        evidence=Evidence((delay.value / delay.std) ** 2),
+        torque_gap=gap,
+        joint_gaps=tuple(changes),
+        sentence=sentence,
+    )
+
+
+def aligned(data: Baseline) -> tuple[Baseline, EffortShift]:
+    """Estimate the common shift of the effort and take it out of the rows.
+
+    Each joint's shift is the coefficient of dτ/dt in the regression of its torque on the smooth
+    motion, fitted together with the base parameters, falling friction and the noise model. The data
+    are returned with the torque of their rows at the instants at which it acts.
+    """
+    controller = data.prepared.configuration.controller
+    period = control_period(controller, [motion.signals.rate for motion in data.prepared.motions])
+    # Of a single joint nothing tells which of the two it is. Without these columns a Stribeck curve
+    # looks late: the torque is higher after a reversal than before.
+    falling = _FALLING if len(data.joints) > 1 else ()
+    columns = []
+    for joint in range(len(data.joints)):
+        parts = []
+        for motion in data.motions:
+            rate = np.gradient(motion.torque[:, joint], 1.0 / motion.rate)
+            speed, slip = np.abs(motion.velocity[:, joint]), motion.slip[:, joint]
+            falls = speed / max(float(speed.max()), 1e-300)
+            parts.append(np.column_stack([rate, *(slip * np.exp(-falls / f) for f in falling)]))
+        columns.append({joint: data.decimated(joint, parts)})
+    shifted, first = data, slice(None, None, 1 + len(falling))
+    for _ in range(_SHIFT_STEPS):
+        fit = shifted.regression.with_columns(*columns).fit()
+        deviations = np.sqrt(np.maximum(np.diag(fit.coefficient_covariance), 0.0))
+        shifts = shifted.shift + fit.coefficients[first]
+        chain = _chain(data.joints, shifts, deviations[first], period)
+        shifted = data.later(chain.effort_shift.value)
+    return shifted, EffortShift(chain, period, controller.delay)
+
+
+def _chain(
+    joints: Sequence[str], shifts: FloatArray, deviations: FloatArray, period: float
+) -> SignalChain:
+    """Shift that most joints share; of as many, the earliest: a joint can only be later."""
+    usable = np.isfinite(deviations) & (deviations > 0.0) & (deviations < period)
+    likely = (shifts >= _EARLIEST_SHIFT * period) & (shifts <= settings.LONGEST_LAG * period)
+    best, preference = np.zeros(len(shifts), dtype=bool), (0, -np.inf)
+    for joint in np.flatnonzero(usable):
+        noise = settings.CLEAR_DEVIATIONS * np.hypot(deviations, deviations[joint])
+        room = settings.SHIFT_AGREEMENT * period + noise
+        agreeing = usable & (np.abs(shifts - shifts[joint]) <= room)
+        count = int(agreeing.sum())
+        shared = count >= 2 and count >= _SHARED * usable.sum()
+        rank = (count, -float(shifts[joint]))
+        if (shared or likely[joint]) and rank > preference:
+            best, preference = agreeing, rank
+    shift, std = 0.0, None
+    if best.any():
+        weights = 1.0 / deviations[best] ** 2
+        shift = float(np.sum(weights * shifts[best]) / weights.sum())
+        spread = float(np.sum(weights * (shifts[best] - shift) ** 2) / max(best.sum() - 1, 1))
+        std = float(np.sqrt(max(1.0, spread) / weights.sum()))
+    pairs = zip(shifts.tolist(), deviations.tolist(), strict=True)
+    by_joint = [EffectParameter(s, d if np.isfinite(d) else None, "s") for s, d in pairs]
+    return SignalChain(
+        effort_shift=EffectParameter(shift, std, "s"),
+        periods=shift / period,
+        joint_shifts=dict(zip(joints, by_joint, strict=True)),
+        differing=tuple(name for name, same in zip(joints, best, strict=True) if not same),
+        law_speed=None,
+    )

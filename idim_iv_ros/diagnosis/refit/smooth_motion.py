@@ -27,7 +27,7 @@ from scipy.ndimage import uniform_filter1d
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.motion import RobotMotion
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
-from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop
+from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
@@ -65,9 +65,10 @@ def corrected_motions(
     `measured`, `simulated`: q, dq, ddq (s, n_joints) on the span of each of the `motions`;
     `cutoff`: of their decimation, Hz.
     """
+    if not motions:
+        return []
     derived, rows, targets = [], [], []
-    pairs = zip(motions, measured, map(list, simulated), strict=True)
-    for motion, real, states in pairs:
+    for motion, real, states in zip(motions, measured, map(list, simulated), strict=True):
         decimation, rate = motion.decimation, motion.signals.rate
         for _ in range(_DERIVATIVES - 1):  # position first, up to its fourth derivative
             states.append(np.gradient(states[-1], 1.0 / rate, axis=0))
@@ -75,7 +76,17 @@ def corrected_motions(
         columns = [decimation.whole(high_passed(state, rate, cutoff)) for state in states[2:]]
         rows.append(np.stack(columns, axis=2))  # (m, n_joints, derivatives)
         targets.append(decimation.whole(high_passed(real[2] - states[2], rate, cutoff)))
-    coefficients = _coefficients(np.concatenate(rows), np.concatenate(targets))
+    tables, differences = np.concatenate(rows), np.concatenate(targets)
+    count, joints, _ = tables.shape
+    coefficients = np.zeros((joints, joints, _DERIVATIVES))
+    every = count >= _ROWS_PER_COEFFICIENT * joints * _DERIVATIVES
+    for joint in range(joints):
+        used = np.arange(joints) if every else np.array([joint])
+        table = tables[:, used].reshape(count, -1)
+        scale = np.linalg.norm(table, axis=0)
+        scale[scale == 0.0] = 1.0
+        solution = np.linalg.lstsq(table / scale, differences[:, joint], rcond=1e-6)[0] / scale
+        coefficients[joint, used] = solution.reshape(len(used), _DERIVATIVES)
     return [
         [
             states[order]
@@ -84,21 +95,6 @@ def corrected_motions(
         ]
         for states in derived
     ]
-
-
-def _coefficients(rows: FloatArray, targets: FloatArray) -> FloatArray:
-    """Coefficients (n_joints, n_joints, derivatives) of each joint's difference."""
-    count, joints, derivatives = rows.shape
-    every = count >= _ROWS_PER_COEFFICIENT * joints * derivatives
-    made = np.zeros((joints, joints, derivatives))
-    for joint in range(joints):
-        used = np.arange(joints) if every else np.array([joint])
-        table = rows[:, used].reshape(count, -1)
-        scale = np.linalg.norm(table, axis=0)
-        scale[scale == 0.0] = 1.0
-        solution = np.linalg.lstsq(table / scale, targets[:, joint], rcond=1e-6)[0] / scale
-        made[joint, used] = solution.reshape(len(used), derivatives)
-    return made
 
 
 def simulated_slips(
@@ -220,16 +216,33 @@ def dynamics_of(
 def smooth_motions(
     prepared: PreparedRegression, estimate: IdimIvEstimate
 ) -> tuple[tuple[SmoothMotion, ...], bool]:
-    """Join measured and simulated motion, one for each recording; whether all are simulated."""
+    """Join measured and simulated motion, one for each recording; whether all are simulated.
+
+    What stands in for a simulated motion where there is none lacks the upper part of the band: with
+    it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
+    """
+    motions, cutoff = prepared.motions, prepared.cutoffs.decimation
     links, whole = dynamics_of(prepared, estimate.linear.values)
     slips, made = simulated_slips(prepared, estimate), []
-    joined = _joined(prepared, estimate.instruments, slips)
-    parts = zip(prepared.motions, prepared.session.parts, joined, slips, strict=True)
+    joined: list[States] = [motion.derivatives(0, motion.decimation.samples) for motion in motions]
+    simulated = [number for number, slip in enumerate(slips) if slip is not None]
+    states_of = estimate.instruments.states
+    corrected = corrected_motions(
+        [motions[k] for k in simulated],
+        [joined[k] for k in simulated],
+        [states_of[k](0, motions[k].decimation.samples) for k in simulated],
+        cutoff,
+    )
+    for k, likely in zip(simulated, corrected, strict=True):
+        joined[k] = [
+            real - high_passed(real - state, motions[k].signals.rate, cutoff)
+            for real, state in zip(joined[k], likely, strict=True)
+        ]
+    parts = zip(motions, prepared.session.parts, joined, slips, strict=True)
     for motion, part, states, slip in parts:
         decimation, stride = motion.decimation, _stride(motion.decimation.factor)
         rate, grid = motion.signals.rate, _grid(motion)
         time = part.start + (motion.span.start + np.arange(decimation.samples)[grid]) / rate
-        coarse = ParallelDecimation(decimation.factor // stride, len(time), decimation.edge)
         # The mean over the samples of the coarser grid keeps when a joint turned.
         turning = np.sign(states[1]) if slip is None else slip
         turning = uniform_filter1d(turning, stride, axis=0, mode="nearest")
@@ -245,11 +258,13 @@ def smooth_motions(
                 velocity=states[1][grid].copy(),
                 acceleration=states[2][grid].copy(),
                 slip=turning[grid],
-                decimation=coarse,
+                decimation=ParallelDecimation(
+                    decimation.factor // stride, len(time), decimation.edge
+                ),
                 kept=motion.kept,
             )
         )
-    return tuple(made), all(slip is not None for slip in slips)
+    return tuple(made), len(simulated) == len(motions)
 
 
 def measured_motion(smooth: SmoothMotion, motion: Motion) -> SmoothMotion:
@@ -263,34 +278,6 @@ def _grid(motion: Motion) -> slice:
     """Samples of the span on the grid of the smooth motion."""
     kept, factor = motion.decimation.kept, motion.decimation.factor
     return slice(int(kept[0]), int(kept[-1]) + 1 + factor // 2, _stride(factor))
-
-
-def _joined(
-    prepared: PreparedRegression, instruments: Instruments, slips: Sequence[FloatArray | None]
-) -> list[States]:
-    """Measured motion below a share of the cut-off (Hz), simulated motion above it.
-
-    What stands in for a simulated motion where there is none lacks the upper part of the band: with
-    it an acceleration at 0.7 of the cut-off would be a quarter too small, as behind a soft shaft.
-    """
-    motions, cutoff = prepared.motions, prepared.cutoffs.decimation
-    made: list[States] = [motion.derivatives(0, motion.decimation.samples) for motion in motions]
-    simulated = [number for number, slip in enumerate(slips) if slip is not None]
-    if not simulated:
-        return made
-    corrected = corrected_motions(
-        [motions[k] for k in simulated],
-        [made[k] for k in simulated],
-        [instruments.states[k](0, motions[k].decimation.samples) for k in simulated],
-        cutoff,
-    )
-    for k, states in zip(simulated, corrected, strict=True):
-        rate = motions[k].signals.rate
-        made[k] = [
-            real - high_passed(real - state, rate, cutoff)
-            for real, state in zip(made[k], states, strict=True)
-        ]
-    return made
 
 
 def _stride(factor: int) -> int:

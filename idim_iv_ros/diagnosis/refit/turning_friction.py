@@ -70,12 +70,27 @@ class TurningFriction:
         """Return the same motions with this friction."""
         motions = []
         for motion in data.motions:
-            slip = motion.slip.copy()
-            fine = _fine(motion)
-            for joint, lead in self.leads.items():
-                slip[:, joint] = _crossing(*fine, joint, lead, self.widths[joint], self.evenly)
+            slip, states = motion.slip.copy(), _fine(motion)
+            for joint in self.leads:
+                slip[:, joint] = self.slip(joint, *states)
             motions.append(replace(motion, slip=slip))
         return data.on(tuple(motions))
+
+    def slip(self, joint: int, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Friction (s,) of a joint as a share of its level, mean over each step of the grid.
+
+        `velocity`, `acceleration`: (n_joints, parts, s) within each step.
+        """
+        width = self.widths[joint]
+        if not self.evenly:
+            ahead = velocity[joint] + self.leads[joint] * acceleration[joint]
+            return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=0))
+        speed = velocity[joint].T.ravel()  # in the order of time
+        slides = np.flatnonzero(np.abs(speed) >= width)
+        if not len(slides):
+            slides = np.array([0])
+        crossed = np.interp(np.arange(len(speed)), slides, np.sign(speed[slides]))
+        return np.asarray(crossed.reshape(-1, len(velocity[joint])).mean(axis=1))
 
     def sentence(self, joints: Sequence[str]) -> str:
         """Say for the notes what a solver softens; empty where none does."""
@@ -108,16 +123,16 @@ def turning_friction(data: Baseline) -> TurningFriction:
     fastest = level / np.maximum(inertia, 1e-12)  # change of speed by the friction alone
     fit, fine = data.regression.fitted, [_fine(motion) for motion in data.motions]
 
-    def width(joint: int, crossing: Crossing) -> float:
-        return max(crossing[1] * float(fastest[joint]), _STILL)
-
-    def evenly(crossing: Crossing) -> bool:
-        return crossing[0] == 0.0 and not data.sticking
+    def turning(crossings: dict[int, Crossing]) -> TurningFriction:
+        leads = {joint: lead for joint, (lead, _) in crossings.items()}
+        times = {joint: time * float(fastest[joint]) for joint, (_, time) in crossings.items()}
+        widths = {joint: max(width, _STILL) for joint, width in times.items()}
+        return TurningFriction(leads, widths, not data.sticking and not any(leads.values()))
 
     @cache
     def column(joint: int, crossing: Crossing) -> FloatArray:
-        lead, wide, even = crossing[0], width(joint, crossing), evenly(crossing)
-        return data.decimated(joint, [_crossing(*one, joint, lead, wide, even) for one in fine])
+        turns = turning({joint: crossing})
+        return data.decimated(joint, [turns.slip(joint, *states) for states in fine])
 
     def gains(crossings: dict[int, Crossing]) -> FloatArray:
         """Gain (n_joints,) of the ln likelihood of each joint, with the noise of the refit."""
@@ -135,11 +150,6 @@ def turning_friction(data: Baseline) -> TurningFriction:
 
     def same_everywhere(crossing: Crossing) -> float:
         return float(everywhere(crossing).sum())
-
-    def turning(crossings: dict[int, Crossing]) -> TurningFriction:
-        widths = {joint: width(joint, crossing) for joint, crossing in crossings.items()}
-        leads = {joint: lead for joint, (lead, _) in crossings.items()}
-        return TurningFriction(leads, widths, all(map(evenly, crossings.values())))
 
     times = (0.0,) if data.sticking else _RESTING
     as_measured = {
@@ -179,23 +189,3 @@ def _fine(motion: SmoothMotion) -> tuple[FloatArray, FloatArray]:
         for states in (motion.velocity, motion.acceleration)
     )
     return velocity, acceleration
-
-
-def _crossing(
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    joint: int,
-    lead: float,
-    width: float,
-    evenly: bool,
-) -> FloatArray:
-    """Friction (s,) as a share of its level, mean over each step of the grid."""
-    if not evenly:
-        ahead = velocity[joint] + lead * acceleration[joint]
-        return np.asarray(np.clip(ahead / width, -1.0, 1.0).mean(axis=0))
-    speed = velocity[joint].T.ravel()  # in the order of time
-    slides = np.flatnonzero(np.abs(speed) >= width)
-    if not len(slides):
-        slides = np.array([0])
-    crossed = np.interp(np.arange(len(speed)), slides, np.sign(speed[slides]))
-    return np.asarray(crossed.reshape(-1, len(velocity[joint])).mean(axis=1))

@@ -1,1 +1,0 @@
-"""Elasticity, play and time offset, measured by encoders behind the gears."""
