@@ -14,6 +14,7 @@ from idim_iv_ros.effects.effect import JointRange, Place, Shape, ShareOf, Struct
 from idim_iv_ros.effects.motion import RobotMotion, Torques
 from idim_iv_ros.types import FloatArray
 
+_QUICKEST = 3.0  # s: a joint that cools within less has no mass that friction warms
 _LEAST_OF_RECORDING = 0.25  # time constant of a joint that its motion warms, at least
 _MIDDLE = 0.5  # warmth of the nominal friction, with which the search by the motion begins
 
@@ -93,7 +94,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     laws = (TorqueLaw(_torque, _advance),)
 
     def grid(self, covered: JointRange) -> list[DriftShape]:
-        """From a twentieth of the session to three of it, which is a straight line.
+        """From a twentieth of the session to three of it, which is a straight line, or from 3 s on.
 
         Of several recordings also from a tenth of the longest to three of it, anew in each. By
         time alone, and by the motion; where a quick warmth would follow the speed itself.
@@ -101,8 +102,8 @@ class FrictionDrift(StructuralEffect[DriftShape]):
         session = np.geomspace(0.05 * covered.duration, 3.0 * covered.duration, 8)
         recording = np.geomspace(0.1 * covered.longest, 3.0 * covered.longest, 7)
         several = covered.longest < covered.duration
-        clocks = [(time, False) for time in session]
-        clocks += [(time, True) for time in recording if several]
+        clocks = [(time, False) for time in session if time >= _QUICKEST]
+        clocks += [(time, True) for time in recording if several and time >= _QUICKEST]
         speed = covered.mean_speed
         quickest = _LEAST_OF_RECORDING * covered.longest
         return [
