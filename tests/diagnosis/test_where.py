@@ -85,7 +85,7 @@ def _reference(seed: int, seconds: float) -> np.ndarray:
 def test_repeats_are_found_with_their_shift_and_others_are_not() -> None:
     one, other = _reference(1, 12.0), _reference(2, 12.0)
     later = one[1234:]
-    repeats = find_repeats([one, other, later], 1000.0)
+    repeats = find_repeats([one, other, later], 1000.0, 50.0)
     assert [(r.first, r.second) for r in repeats] == [(0, 2)]
     assert repeats[0].lag == -1234
 
@@ -95,7 +95,7 @@ def test_periods_inside_a_recording_are_found(seconds: float, periods: float) ->
     period = round(1000 * seconds)
     one = _reference(3, seconds) * np.sin(np.pi * np.arange(period) / period)[:, None]
     whole = np.concatenate([one, one, one])[: round(periods * period)]
-    repeats = find_repeats([whole], 1000.0)
+    repeats = find_repeats([whole], 1000.0, 50.0)
     assert [(r.first, r.second) for r in repeats] == [(0, 0)]
     assert repeats[0].lag == period
 

@@ -13,6 +13,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.types import FloatArray, IntArray
 
+_COARSE = 5.0  # tolerances before the shift between two repeats is refined
 _HAS_LEFT = 0.3  # spreads that a motion is away from itself before it can repeat itself
 _LEAST_MOTION = 0.1  # of the variance, below which nothing moves
 
@@ -98,30 +99,54 @@ def repeats_of(data: Baseline) -> tuple[Repeat, ...]:
             sampled = np.arange(len(reference)) / rate
             reference = np.column_stack([np.interp(time, sampled, q) for q in reference.T])
         references.append(reference)
-    return find_repeats(references, fastest)
+    return find_repeats(references, fastest, data.row_rate)
 
 
-def find_repeats(references: Sequence[FloatArray], rate: float) -> tuple[Repeat, ...]:
+def find_repeats(
+    references: Sequence[FloatArray], rate: float, coarse_rate: float
+) -> tuple[Repeat, ...]:
     """Pairs of recordings, and periods inside one, with the same references (n_samples, n_joints).
 
-    `rate`: of the samples, Hz.
+    `rate`, `coarse_rate`: Hz, of the samples, and at which the shift is looked for first.
     """
+    stride = max(1, round(rate / coarse_rate))
     return tuple(
         Repeat(i, j, lag)
         for i, j in combinations_with_replacement(range(len(references)), 2)
-        if (lag := _lag(references[i], references[j], rate, itself=i == j)) is not None
+        if (lag := _lag(references[i], references[j], rate, stride, itself=i == j)) is not None
     )
 
 
-def _lag(one: FloatArray, two: FloatArray, rate: float, *, itself: bool) -> int | None:
+def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: bool) -> int | None:
     """Shift at which two references agree best; None where they never agree for long enough.
 
     That of a reference to `itself` is the smallest after it has left itself, however much of the
-    recording comes before. The difference (rms) is judged as a share of the spread of the motion.
+    recording comes before.
+    """
+    share = 0.0 if itself else settings.REPEAT_LEAST_SHARE * min(len(one), len(two))
+    least = max(settings.REPEAT_LEAST_OVERLAP * rate, share)
+    lags, distance, overlap = _distances(one[::stride], two[::stride])
+    usable = overlap * stride >= least
+    if itself:
+        away = lags[(lags > 0) & (distance > _HAS_LEFT)]
+        usable &= lags > min(away, default=len(one))
+    close = np.flatnonzero(usable & (distance < _COARSE * settings.REPEAT_TOLERANCE))
+    if len(close) == 0:
+        return None
+    if itself:
+        close = np.split(close, np.flatnonzero(np.diff(close) > 1) + 1)[0]
+    return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
+
+
+def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """For each shift, the rms difference as a share of the spread, and the samples it is over.
+
+    Infinite where the references hardly move in the overlap.
     """
     centre = one.mean(axis=0)
     a, b = one - centre, two - centre
     lags = np.arange(-(len(a) - 1), len(b))
+    cross = sum(fftconvolve(b[:, j], a[::-1, j]) for j in range(a.shape[1]))
     low, high = np.maximum(0, -lags), np.minimum(len(a), len(b) - lags)
     overlap = (high - low).astype(float)
     squares_a, squares_b, plain = (
@@ -130,23 +155,23 @@ def _lag(one: FloatArray, two: FloatArray, rate: float, *, itself: bool) -> int 
     )
     energy_a = squares_a[high] - squares_a[low]
     energy_b = squares_b[high + lags] - squares_b[low + lags]
-    cross = fftconvolve(b, a[::-1], axes=0).sum(axis=1)
     mean = (plain[high] - plain[low]) / overlap[:, None]
     spread = energy_a / overlap - np.sum(mean**2, axis=1)
     moving = spread > _LEAST_MOTION * float(np.sum(np.var(one, axis=0)))
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
-    distance = np.where(moving, np.sqrt(squares / np.where(moving, spread, 1.0)), np.inf)
-    share = 0.0 if itself else settings.REPEAT_LEAST_SHARE * min(len(one), len(two))
-    usable = overlap >= max(settings.REPEAT_LEAST_OVERLAP * rate, share)
-    if itself:
-        away = lags[(lags > 0) & (distance > _HAS_LEFT)]
-        usable &= lags > min(away, default=len(one))
-    close = np.flatnonzero(usable & (distance < settings.REPEAT_TOLERANCE))
-    if len(close) == 0:
-        return None
-    if itself:
-        close = np.split(close, np.flatnonzero(np.diff(close) > 1) + 1)[0]
-    return int(lags[close][np.argmin(distance[close])])
+    ratio = squares / np.where(moving, spread, 1.0)
+    return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
+
+
+def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
+    def distance(shift: int) -> float:
+        low, high = max(0, -shift), min(len(one), len(two) - shift)
+        part = one[low:high]
+        squares = np.sum((part - two[low + shift : high + shift]) ** 2)
+        return float(np.sqrt(squares / np.sum((part - part.mean(axis=0)) ** 2)))
+
+    best = min(range(lag - stride, lag + stride + 1), key=distance)
+    return best if distance(best) < settings.REPEAT_TOLERANCE else None
 
 
 def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:
