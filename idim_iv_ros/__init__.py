@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.excitation.excite import excite
     from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory
     from idim_iv_ros.first_configuration.proposal import propose_configuration, write_configuration
-    from idim_iv_ros.fleet.commands import Fleet, diagnose_fleet, identify_fleet
-    from idim_iv_ros.fleet.run import FleetRun
+    from idim_iv_ros.fleet.commands import Fleet, FleetRun, diagnose_fleet, identify_fleet
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
@@ -78,8 +77,7 @@ _MODULES = {
     "first_configuration.proposal": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result.document": ("GapResult",),
-    "fleet.commands": ("Fleet", "diagnose_fleet", "identify_fleet"),
-    "fleet.run": ("FleetRun",),
+    "fleet.commands": ("Fleet", "FleetRun", "diagnose_fleet", "identify_fleet"),
     "identification.identify": ("identify", "identify_recordings"),
     "recording.read": ("read_recordings",),
     "recording.recording": ("Recording",),

@@ -1,20 +1,27 @@
 """Documents of a fleet: the result of one bag, and fleet.json with the comparison of all."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import Verdict as GapVerdict
 from idim_iv_ros.documents import Document, Matrix, Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
+from idim_iv_ros.files import complete_files, refused_if_unwritable
+from idim_iv_ros.fleet.source import time_of
 from idim_iv_ros.identification.result import Estimator
 from idim_iv_ros.statistics.verdict import Verdict
 
-BAG_FORMAT: Final = "idim_iv_ros/bag/1"
-
 Status = Literal["ok", "missing", "corrupt", "unusable"]
+TABLE = "fleet.parquet"
+_COLUMNS = (
+    *("uri", "robot", "type", "time", "status", "reason", "duration", "rows", "estimator"),
+    *("verdict", "parameter", "unit", "value", "std", "given", "content"),
+)
 
 
 @dataclass(frozen=True)
@@ -91,7 +98,7 @@ class BagResult(Document):
     what: ClassVar[str] = "the result of a bag"
     written_by: ClassVar[str] = "fleet"
 
-    format: Literal["idim_iv_ros/bag/1"] = BAG_FORMAT
+    format: Literal["idim_iv_ros/bag/1"] = "idim_iv_ros/bag/1"
     uri: str
     content: str
     key: str = ""
@@ -131,8 +138,6 @@ class BagResult(Document):
         if self.r_factor.shape != (width, width):
             raise ValueError(f"r_factor: {self.r_factor.shape} is not ({width}, {width})")
 
-
-FLEET_FORMAT: Final = "idim_iv_ros/fleet/1"
 
 Attention = Literal["differs", "changed", "unsteady", "recordings", "none"]
 WhyDiagnose = Literal["differs", "changed", "unsteady", "typical"]
@@ -342,7 +347,7 @@ class FleetResult(Document):
     what: ClassVar[str] = "the result of a fleet"
     written_by: ClassVar[str] = "fleet"
 
-    format: Literal["idim_iv_ros/fleet/1"] = FLEET_FORMAT
+    format: Literal["idim_iv_ros/fleet/1"] = "idim_iv_ros/fleet/1"
     false_discoveries: float
     level: float
     types: tuple[FleetType, ...]
@@ -350,3 +355,46 @@ class FleetResult(Document):
     bags: tuple[FleetBag, ...]
     screen: tuple[Screened, ...]
     software: dict[str, str] = field(default_factory=dict)
+
+
+def write_table(results: Sequence[BagResult], path: Path) -> None:
+    """Write fleet.parquet: one row for each bag and base parameter, complete or not at all.
+
+    Of the bag: `uri`, `robot`, `type`, `time` (start, UTC), `status`, `reason`, `duration` (s),
+    `rows` (whitened, all joints), `estimator`, `verdict`, and `content`, its digest. Of the
+    parameter: `parameter`, its name, and in its `unit` the `value` of this bag alone, `std` and
+    `given`, that of the nominal model. A bag that is not ok has one row, without a parameter.
+
+    Raises UsageError: it cannot be written, and why.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    kinds = dict.fromkeys(("duration", "value", "std", "given"), pyarrow.float64())
+    kinds |= {"time": pyarrow.timestamp("us", tz="UTC"), "rows": pyarrow.int64()}
+    schema = pyarrow.schema(
+        [pyarrow.field(name, kinds.get(name, pyarrow.string())) for name in _COLUMNS],
+        metadata={"idim_iv_ros": "idim_iv_ros/fleet-table/1"},
+    )
+    rows = [row for result in results for row in _rows(result)]
+    table = pyarrow.Table.from_pylist(rows, schema=schema)
+    with refused_if_unwritable(path), complete_files([path]) as temporary:
+        parquet.write_table(table, temporary[path])
+
+
+def _rows(result: BagResult) -> list[dict[str, Any]]:
+    names = ("uri", "robot", "type", "status", "duration", "verdict")
+    common: dict[str, Any] = {name: getattr(result, name) for name in names}
+    common |= {name: getattr(result, name) or None for name in ("reason", "content")}
+    common |= {"time": time_of(result.time) if result.time is not None else None}
+    rows = [common]
+    if result.status == "ok":
+        common |= {"rows": result.rows, "estimator": result.estimator}
+        given = result.given or (None,) * len(result.names)
+        columns = zip(result.names, result.units, result.values, result.std, given, strict=True)
+        keys = ("parameter", "unit", "value", "std", "given")
+        rows = [common | dict(zip(keys, column, strict=True)) for column in columns]
+    for row in rows:
+        missing = [key for key, v in row.items() if isinstance(v, float) and not math.isfinite(v)]
+        row.update(dict.fromkeys(missing))
+    return rows

@@ -1,4 +1,4 @@
-"""Identity of results: digests of bag content, code and configuration, for their reuse."""
+"""Robots of a fleet, and digests of bags, code and configurations, by which results are reused."""
 
 import errno
 import hashlib
@@ -29,8 +29,10 @@ from idim_iv_ros.recording.bags.folder import bag_files
 
 _BLOCK = 1 << 20  # bytes
 # What stores say of a content: a checksum first, else when it was written.
-_CHECKSUMS = ("ETag", "etag", "md5Hash", "content_md5", "crc32c", "sha256")
-_WRITTEN = ("LastModified", "updated", "mtime", "last_modified", "created")
+_MARKS = (
+    *("ETag", "etag", "md5Hash", "content_md5", "crc32c", "sha256"),
+    *("LastModified", "updated", "mtime", "last_modified", "created"),
+)
 # Folders whose code, like that of fleet/statistics, changes no result of a bag.
 _WITHOUT = ("cli", "nodes", "report")
 
@@ -47,26 +49,20 @@ def content_of(uri: str) -> str:
         path = local_path(uri)
         if not is_there(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-        for file in bag_files(path):
-            digest.update(_file_digest(file))
+        for local in bag_files(path):
+            of_file = hashlib.sha256()
+            with local.open("rb") as file:
+                while block := file.read(_BLOCK):
+                    of_file.update(block)
+            digest.update(of_file.digest())
         return digest.hexdigest()
     system, name = file_system(uri)
     for part in bag_parts(system, name):
         # A listing may say less than the store knows of one object.
         details = reachable(system.info, part["name"])
-        marks = (key for key in (*_CHECKSUMS, *_WRITTEN) if details.get(key))
-        mark = next((f"{key} {details[key]}" for key in marks), "")
+        mark = next((f"{key} {details[key]}" for key in _MARKS if details.get(key)), "")
         digest.update(f"{details['size']} {mark}\n".encode())
     return digest.hexdigest()
-
-
-def _file_digest(path: Path) -> bytes:
-    """Return the SHA-256 of a file, read block by block."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.digest()
 
 
 def configuration_digest(configuration: Configuration, description: bytes) -> str:
@@ -90,9 +86,10 @@ def code_version() -> str:
     return f"{metadata.version('idim-iv-ros')}+{digest.hexdigest()[:16]}"
 
 
-def key_of(content: str, configuration: str, version: str, kind: str) -> str:
-    """Return the key under which a result is kept."""
-    return hashlib.sha256("\n".join((content, configuration, version, kind)).encode()).hexdigest()
+def key_of(content: str, robot: "Robot", kind: str) -> str:
+    """Return the key under which a result of this version of the code is kept."""
+    words = (content, robot.digest, code_version(), kind)
+    return hashlib.sha256("\n".join(words).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,6 @@ _folders: list[tempfile.TemporaryDirectory[str]] = []  # until the worker ends
 
 @cache
 def _kept(name: str, description: bytes) -> Path:
-    """Write a robot description into a temporary folder and return its path, once."""
     folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
     _folders.append(folder)
     path = Path(folder.name) / name
@@ -147,37 +143,35 @@ def robots_of(
 ) -> tuple[tuple[BagEntry, ...], dict[str, Robot]]:
     """Find the configuration of each robot of the bags, and build its model once.
 
-    `config` is a YAML file for all, or a folder with ``ROBOT.yaml`` or ``TYPE.yaml``, the first
-    before the second. Entries without a type get the name of that file as type.
+    `config` is as in `path_of`. Entries without a type get the name of that file as type.
 
     Raises UsageError: a robot without configuration, a wrong one, or a robot of two types.
     """
     paths: dict[str, Path] = {}
     types: dict[str, str] = {}
     for entry in entries:
-        path = path_of(entry, config)
+        paths[entry.robot] = path = path_of(entry, config)
         kind = entry.type or path.stem
         if types.setdefault(entry.robot, kind) != kind:
             raise UsageError(
                 f"{entry.uri}: robot {entry.robot} is of type {kind} here and of type "
                 f"{types[entry.robot]} elsewhere; give each robot a name of its own"
             )
-        paths[entry.robot] = path
     loaded = {path: Robot.of(load_configuration(path)) for path in set(paths.values())}
     typed = tuple(replace(entry, type=types[entry.robot]) for entry in entries)
     return typed, {robot: loaded[path] for robot, path in paths.items()}
 
 
-def path_of(entry: BagEntry | BagResult, config: Path) -> Path:
-    """Return `config`, or in that folder the file for the robot, else for the type, of a bag.
+def path_of(bag: BagEntry | BagResult, config: Path) -> Path:
+    """Return `config`, or in that folder ``ROBOT.yaml``, else ``TYPE.yaml``, of a bag.
 
     Raises UsageError: the folder has none.
     """
     if not config.is_dir():
         return config
-    names = [name for name in (entry.robot, entry.type) if name]
+    names = [name for name in (bag.robot, bag.type) if name]
     for name in names:
         if "/" not in name and (path := config / f"{name}.yaml").is_file():
             return path
     listed = " nor ".join(f"{name}.yaml" for name in names)
-    raise UsageError(f"{config}: neither {listed} is there, for {entry.uri}")
+    raise UsageError(f"{config}: neither {listed} is there, for {bag.uri}")

@@ -20,12 +20,14 @@ _GIVEN = "for s3:// AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE,
 INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
 
 
+@dataclass
 class FetchedFile:
     """A file of an fsspec file system as a `ByteSource`; `fetched` counts the bytes read."""
 
-    def __init__(self, system: Any, path: str, size: int):
-        self.system, self.path, self.size = system, path, size
-        self.fetched = 0
+    system: Any
+    path: str
+    size: int
+    fetched: int = 0
 
     def read(self, first: int, last: int) -> bytes:
         """Return the bytes `first` to `last`, the end excluded; OSError if unreachable."""
@@ -74,22 +76,14 @@ def file_system(uri: str) -> tuple[Any, str]:
         raise UsageError(INSTALL) from error
     scheme = uri.partition("://")[0]
     try:
-        system, path = url_to_fs(uri)
-    except ImportError as error:
-        words = f"{scheme}:// needs a package: {error}"
-        raise UsageError(f"{uri}: cannot be opened: {words}") from error
+        return url_to_fs(uri)  # type: ignore[no-any-return]
     except Exception as error:
         words = one_line(error)
-        if scheme != uri and scheme not in available_protocols():
+        if isinstance(error, ImportError):
+            words = f"{scheme}:// needs a package: {error}"
+        elif scheme != uri and scheme not in available_protocols():
             words = f"{scheme}:// is no kind of store; s3://, gs://, abfs:// and https:// are"
         raise UsageError(f"{uri}: cannot be opened: {words}") from error
-    return system, str(path)
-
-
-def require_stores(uris: Iterable[str]) -> None:
-    """Raise UsageError for the first URL that no installed library opens."""
-    for uri in {uri.partition("://")[0]: uri for uri in uris if not is_local(uri)}.values():
-        file_system(uri)
 
 
 def is_local(uri: str) -> bool:
@@ -110,12 +104,11 @@ def open_bag(uri: str) -> Bag:
     if is_local(uri):
         return Bag(local_path(uri))
     system, path = file_system(uri)
-    files = bag_parts(system, path)
     sources: dict[Path, ByteSource] = {
-        Path(PurePosixPath(part["name"]).name): FetchedFile(system, part["name"], part["size"])
-        for part in files
+        Path(Path(part["name"]).name): FetchedFile(system, part["name"], part["size"])
+        for part in bag_parts(system, path)
     }
-    return Bag(Path(PurePosixPath(path).name), sources)
+    return Bag(Path(Path(path).name), sources)
 
 
 def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
@@ -128,9 +121,6 @@ def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
     if not files:
         raise FileNotFoundError(0, "no .mcap or .db3 file in this folder")
     return sorted(files, key=lambda part: (len(part["name"]), part["name"]))
-
-
-METADATA = "metadata.yaml"  # of a rosbag2 folder
 
 
 @dataclass(frozen=True)
@@ -159,17 +149,19 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
             return _manifest(source, _rows(source, bytes(content)))
         folder, files = path, [path]
         if reachable(system.info, path)["type"] == "directory":
-            files = [str(text) for text in reachable(system.find, path)]
+            files = reachable(system.find, path)
         else:
             folder = str(PurePosixPath(path).parent)
     except FileNotFoundError as error:
         raise UsageError(f"{source}: no such file, folder or URL") from error
     except OSError as error:
         raise UsageError(f"{source}: cannot be read: {error.strerror or error}") from error
-    entries = [
-        _entry(bag, folder, bag if is_local(source) else system.unstrip_protocol(bag))
-        for bag in _bags(files)
-    ]
+    entries = []
+    for bag in _bags(files):
+        parts = PurePosixPath(bag).relative_to(folder).parts
+        robot = parts[-2] if len(parts) > 1 else PurePosixPath(folder).name
+        uri = bag if is_local(source) else system.unstrip_protocol(bag)
+        entries.append(BagEntry(uri, robot, parts[-3] if len(parts) > 2 else ""))
     if not entries:
         raise UsageError(f"{source}: no bag found (.mcap, .db3 or a rosbag2 folder)")
     return tuple(entries)
@@ -177,24 +169,13 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
 
 def _bags(files: Iterable[str]) -> list[str]:
     """Return the bags among the files of a tree: rosbag2 folders, and files outside them."""
-    paths = [PurePosixPath(text) for text in files]
-    paths = [path for path in paths if not path.name.startswith(".")]
-    folders = {path.parent for path in paths if path.name == METADATA}
-    bags = {
-        path.parent if path.parent in folders else path for path in paths if is_bag_file(path.name)
-    }
-    return sorted(map(str, bags))
-
-
-def _entry(bag: str, folder: str, uri: str) -> BagEntry:
-    """Return the entry of a bag, with robot and type from the folders in which it lies."""
-    parts = PurePosixPath(bag).relative_to(folder).parts
-    robot = parts[-2] if len(parts) > 1 else PurePosixPath(folder).name
-    return BagEntry(uri, robot, parts[-3] if len(parts) > 2 else "")
+    paths = [path for path in map(PurePosixPath, files) if not path.name.startswith(".")]
+    folders = {path.parent for path in paths if path.name == "metadata.yaml"}
+    bags = [path for path in paths if is_bag_file(path.name)]
+    return sorted({str(path.parent if path.parent in folders else path) for path in bags})
 
 
 def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
-    """Return the rows of a manifest, each a dictionary by column."""
     if source.endswith(".parquet"):
         import pyarrow
         from pyarrow import parquet
@@ -210,7 +191,6 @@ def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
 
 
 def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
-    """Check the rows of a manifest, and return its bags."""
     if not rows:
         raise UsageError(f"{source}: the manifest names no bag")
     for column in ("uri", "robot"):
@@ -226,7 +206,10 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         for column in ("uri", "robot"):
             if not isinstance(values.get(column), str):
                 raise UsageError(f"{where}: {column} is empty or no text")
-        uri = _absolute(source, values["uri"])
+        uri = values["uri"]
+        if "://" not in uri and not Path(uri).is_absolute():  # beside the manifest
+            folder = local_path(source).absolute().parent
+            uri = str(folder / uri) if is_local(source) else f"{source.rpartition('/')[0]}/{uri}"
         if uri in entries:
             raise UsageError(f"{where}: {values['uri']} is listed twice")
         kind, time = str(values.get("type", "")), _time(where, values.get("time"))
@@ -234,19 +217,10 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
     return tuple(entries.values())
 
 
-def _absolute(source: str, uri: str) -> str:
-    """Return a bag's URI in a manifest as absolute, relative to the manifest."""
-    if "://" in uri or Path(uri).is_absolute():
-        return uri
-    if is_local(source):
-        return str(local_path(source).absolute().parent / uri)
-    return f"{source.rpartition('/')[0]}/{uri}"
-
-
 def _time(where: str, value: object) -> str | None:
-    if value is None:
-        return None
     try:
+        if value is None:
+            return None
         return iso_time(value if isinstance(value, datetime) else time_of(str(value)))
     except ValueError as error:
         words = f"time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
