@@ -31,7 +31,6 @@ _CODES = (
 _ANSWER = 15.0  # s to wait for an answer; the recorder waits ten for a disk
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
-_BETWEEN_LOOKS, _ABSENCES = 0.4, 2  # s between two looks for clients; looks that must find none
 _WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
 Tick = Callable[[], None]  # sleeps a little; raises when the collection must end
@@ -48,18 +47,14 @@ def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: T
 
 def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
     """Return a JointTrajectory of `point_rate` points a second (Hz), the last sample included."""
-    message = JointTrajectory(joint_names=list(motion.joints))
-    for nanoseconds, (position, velocity, acceleration) in motion.points(point_rate):
+    points = []
+    for nanoseconds, values in motion.points(point_rate):
         whole, rest = divmod(nanoseconds, 1_000_000_000)
-        message.points.append(
-            JointTrajectoryPoint(
-                positions=position,
-                velocities=velocity,
-                accelerations=acceleration,
-                time_from_start=Duration(sec=whole, nanosec=rest),
-            )
-        )
-    return message
+        names = ("positions", "velocities", "accelerations")
+        place = dict(zip(names, values, strict=True))
+        due = Duration(sec=whole, nanosec=rest)
+        points.append(JointTrajectoryPoint(**place, time_from_start=due))
+    return JointTrajectory(joint_names=list(motion.joints), points=points)
 
 
 class Controller:
@@ -91,12 +86,11 @@ class Controller:
                         "ros-jazzy-control-msgs"
                     ) from error
         self._action = f"{name}/follow_joint_trajectory"
-        self._client = None if self._kind is None else ActionClient(node, self._kind, self._action)
-        self._publisher = (
-            None
-            if interface == ACTION
-            else node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 1)
-        )
+        self._client: Any = self._kind and ActionClient(node, self._kind, self._action)
+        self._publisher: Any = None
+        if interface != ACTION:
+            topic = f"{name}/joint_trajectory"
+            self._publisher = node.create_publisher(JointTrajectory, topic, 1)
         self._by_action = interface == ACTION
         self._goal: Any = None
         self._goals_sent = 0
@@ -117,10 +111,8 @@ class Controller:
         """Send the controller a motion that begins where the robot is."""
         message = trajectory_message(motion, point_rate)
         if not self._by_action:
-            assert self._publisher is not None
             self._publisher.publish(message)
             return
-        assert self._client is not None
         self._goal, self._failure = None, ""
         self._goals_sent += 1
         answer = self._client.send_goal_async(self._kind.Goal(trajectory=message))
@@ -132,7 +124,6 @@ class Controller:
         By the topic, the trajectory `stop` is sent instead, which comes to rest.
         """
         if not self._by_action:
-            assert self._publisher is not None
             self._publisher.publish(trajectory_message(stop, stop.rate))
             return
         self._goals_sent += 1  # that the goal was cancelled is no failure
@@ -166,33 +157,8 @@ class Controller:
         code = answer.result.error_code
         if code != self._kind.Result.SUCCESSFUL:
             names = {getattr(self._kind.Result, name): name for name in _CODES}
-            words = " ".join(str(answer.result.error_string).split())
-            self._failure = (
-                f"the controller ends the motion: {names.get(code, code)} {words}".strip()
-            )
-
-
-class Clients:
-    """Tells whether all clients of one service are gone.
-
-    A server does not learn who called: only without any client it is certain that nobody waits for
-    an answer. A killed client is listed until its lease in the middleware ends, usually 20 s.
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._node, self._name = node, name
-        self._seen, self._absences = False, 0
-        self._looked = float("-inf")
-
-    def gone(self) -> bool:
-        """Return whether clients were seen before, and none in the last two looks, 0.4 s apart."""
-        if time.monotonic() - self._looked > _BETWEEN_LOOKS:
-            self._looked = time.monotonic()
-            if self._node.count_clients(self._name):
-                self._seen, self._absences = True, 0
-            elif self._seen:
-                self._absences += 1
-        return self._absences >= _ABSENCES
+            words = " ".join([names.get(code, str(code)), *answer.result.error_string.split()])
+            self._failure = f"the controller ends the motion: {words}"
 
 
 class RecorderNeighbour:
@@ -250,7 +216,6 @@ class RecorderNeighbour:
         return ""
 
     def _reported(self, message: RecorderStatus) -> None:
-        """Remember the recorder's status, and its time and period, s."""
         now = self._clock()
         if self._status is not None:
             self._period = now - self._heard_at

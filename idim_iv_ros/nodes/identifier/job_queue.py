@@ -1,20 +1,176 @@
-"""A queue of jobs, one at a time, each in another process."""
+"""Requested identifications and diagnoses: what they may name, and a queue that does one at a time.
 
+Each job has a process of its own.
+"""
+
+import math
 import queue
 import shutil
 import signal
+import stat
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
+from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.entry import new_folder_path
-from idim_iv_ros.nodes.identifier.job import WAITING, Job
 from idim_iv_ros.nodes.identifier.worker import Event, StartWorker, Worker
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 
+Task = Literal["identification", "diagnosis"]
+ESTIMATORS = ("idim-iv", "idim-ls")
+
+_WAITING = "waiting"
+_LONGEST = 1000  # characters of a name
 _SIGN_OF_LIFE = 1.0  # s between two progress reports to the client, at most
+
+
+@dataclass(frozen=True)
+class JobListener:
+    """Callbacks of the client of a job: when it begins, while it runs, and when it has ended.
+
+    `progress` takes the stage and the share done, 0 to 1. `ended` is always called: with whether
+    there is a result, and with the verdict or the reason of the failure.
+    """
+
+    ended: Callable[[bool, str], None]
+    started: Callable[[], None] = lambda: None
+    progress: Callable[[str, float], None] = lambda stage, share: None
+
+
+@dataclass(eq=False)
+class Job:
+    """One request and its state. Times are those of the queue's clock, s.
+
+    `bags` are absolute paths inside the bag directory, `names` relative to it. `timeout` limits the
+    work, `answer_within` the time since receipt, s. `configuration_name` is as in the request;
+    empty for the node's configuration. `estimator` belongs to an identification, `without` (effects
+    that are not considered) to a diagnosis. `folder` holds the files of the job; None before it
+    runs and after it failed. `message` is the verdict or the reason of the failure. `said_at` is
+    the time of the last progress report.
+    """
+
+    task: Task
+    bags: tuple[Path, ...]
+    names: tuple[str, ...]
+    configuration: Configuration
+    timeout: float
+    listener: JobListener
+    answer_within: float = math.inf
+    received: float = 0.0
+    configuration_name: str = ""
+    estimator: str = ""
+    without: tuple[str, ...] = ()
+    folder: Path | None = None
+    message: str = ""
+    success: bool = False
+    cancelled: bool = False
+    stage: str = _WAITING
+    share: float = 0.0
+    said_at: float = 0.0
+
+    def say(self, stage: str, share: float, now: float) -> None:
+        """Report the stage and the share done to the client of the job."""
+        self.stage, self.share, self.said_at = stage, share, now
+        self.listener.progress(stage, share)
+
+
+def requested_job(
+    task: Task,
+    request: Any,
+    settings: IdentifierSettings,
+    configuration: Configuration | None,
+    listener: JobListener,
+) -> Job:
+    """Return the job that a goal or a service request asks for.
+
+    `request` has `bags`, `configuration`, `timeout`, and `estimator` or `without`, whose effects
+    the worker checks; `configuration` is the node's.
+
+    Raises UsageError: a name leads out of its folder, a file is missing or too large, the estimator
+    is unknown, or the timeout is not a valid time.
+    """
+    estimator = getattr(request, "estimator", "") or ESTIMATORS[0]
+    if estimator not in ESTIMATORS:
+        raise UsageError(f"estimator {estimator!r} is neither {' nor '.join(ESTIMATORS)}")
+    root = Path(settings.bag_directory)
+    if not request.bags:
+        raise UsageError("name at least one bag")
+    bags = [confined_bag(root, name) for name in request.bags]
+    size = sum(size for _, size in bags)
+    if size > settings.max_bag_size:
+        raise UsageError(
+            f"the bags have {size / 1e6:.3g} MB; max_bag_size is {settings.max_bag_size / 1e6:.3g}"
+        )
+    if not math.isfinite(request.timeout) or request.timeout < 0.0:
+        raise UsageError(f"timeout: {request.timeout} s is no time")
+    if configuration is None:
+        raise UsageError("no robot is configured: set the parameter configuration")
+    if request.configuration:
+        folder, what = Path(settings.configuration).parent, "the folder of the configuration"
+        configuration = load_configuration(_confined(folder, request.configuration, what))
+    return Job(
+        task=task,
+        bags=tuple(path for path, _ in bags),
+        names=tuple(str(path.relative_to(root.resolve())) for path, _ in bags),
+        configuration=configuration,
+        timeout=settings.job_timeout,
+        listener=listener,
+        answer_within=request.timeout or math.inf,
+        configuration_name=request.configuration,
+        estimator=estimator if task == "identification" else "",
+        without=tuple(dict.fromkeys(getattr(request, "without", ()))),
+    )
+
+
+def _confined(folder: Path, name: str, what: str) -> Path:
+    """Return the path of what a request names in `folder`; `what` is the folder in words."""
+    if len(name) > _LONGEST:
+        raise UsageError(f"{what}: a name of {len(name)} characters is too long")
+    if not name or "\0" in name:
+        raise UsageError(f"{name!r} names no file in {what}")
+    if ".." in Path(name).parts:
+        raise UsageError(f"{name}: '..' is not allowed; name a file in {what}")
+    path = _resolve(folder / name, name)
+    if not path.is_relative_to(_resolve(folder, what)):
+        raise UsageError(f"{name}: leads out of {what}")
+    return path
+
+
+def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
+    """Return the path of a bag that a request names, and its size in bytes.
+
+    `name` is relative to the folder, or absolute and inside it.
+
+    Raises UsageError: the name is empty or contains ``..``; or the bag, or a file of it, does not
+    exist, leads out of the folder, or is no regular file.
+    """
+    path, size = _confined(folder, name, "bag_directory"), 0
+    try:
+        for file in path.iterdir() if path.is_dir() else [path]:
+            if not _resolve(file, name).is_relative_to(folder.resolve()):
+                raise UsageError(f"{name}: its file {file.name} leads out of bag_directory")
+            status = file.stat()
+            if stat.S_ISREG(status.st_mode):
+                size += status.st_size
+            elif not stat.S_ISDIR(status.st_mode):  # a folder is no part of a bag: it is never read
+                raise UsageError(f"{name}: its file {file.name} is no regular file")
+    except FileNotFoundError as error:
+        raise UsageError(f"{name}: no such bag in bag_directory") from error
+    except OSError as error:
+        raise UsageError(f"{name}: cannot be read: {error.strerror or error}") from error
+    return path, size
+
+
+def _resolve(path: Path, name: str) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError) as error:  # too long, or a link to itself
+        raise UsageError(f"{name}: no such file") from error
 
 
 class JobQueue:
@@ -56,14 +212,13 @@ class JobQueue:
         Raises UsageError: another job runs and `when_busy` is refuse, or too many jobs wait.
         """
         settings = self._settings()
-        if self.running is not None or self._waiting:
-            if settings.when_busy == REFUSE:
-                raise UsageError("busy with another job; when_busy is refuse")
-            if len(self._waiting) >= settings.queue_limit:
-                raise UsageError(f"busy: {len(self._waiting)} jobs wait already")
+        if self._jobs and settings.when_busy == REFUSE:
+            raise UsageError("busy with another job; when_busy is refuse")
+        if self.waiting >= settings.queue_limit:
+            raise UsageError(f"busy: {self.waiting} jobs wait already")
         self._waiting.append(job)
         job.received = self._clock()
-        job.say(WAITING, 0.0, job.received)
+        job.say(_WAITING, 0.0, job.received)
         self._wake()
 
     def cancel(self, job: Job) -> None:
@@ -73,11 +228,8 @@ class JobQueue:
 
     def poll(self) -> None:
         """Handle events of the worker, end jobs that are too late, begin the next job."""
-        while True:
-            try:
-                self._handle_event(*self._events.get_nowait())
-            except queue.Empty:
-                break
+        while not self._events.empty():
+            self._handle_event(*self._events.get())
         now = self._clock()
         self._end_what_is_late(now)
         for job in self._jobs:
@@ -106,13 +258,11 @@ class JobQueue:
                 before = place + (self.running is not None)
                 jobs = "1 job was" if before == 1 else f"{before} jobs were"
                 self._abandon(job, f"not begun within {job.answer_within:g} s: {jobs} before it")
-        running = self.running
-        if running is None:
-            return
-        limits = ((self._begun, running.timeout), (running.received, running.answer_within))
-        over = [limit for since, limit in limits if now > since + limit]
-        if over:
-            self._abandon(running, f"ended after {over[0]:g} s without a result")
+        if (running := self.running) is not None:
+            limits = (self._begun, running.timeout), (running.received, running.answer_within)
+            over = [limit for since, limit in limits if now > since + limit]
+            if over:
+                self._abandon(running, f"ended after {over[0]:g} s without a result")
 
     def _abandon(self, job: Job, why: str) -> None:
         """Kill the worker of a running job, or remove a waiting one, for a reason."""
@@ -131,12 +281,8 @@ class JobQueue:
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)
             folder.mkdir(parents=True)
-            request = {
-                "task": job.task,
-                "bags": job.bags,
-                "configuration": job.configuration,
-                "estimator": job.estimator,
-                "without": job.without,
+            names = ("task", "bags", "configuration", "estimator", "without")
+            request = {name: getattr(job, name) for name in names} | {
                 "out": folder,
                 "memory_limit": settings.memory_limit,
                 "file_limit": settings.max_bag_size,
@@ -164,22 +310,18 @@ class JobQueue:
         if worker is not self._worker or job is None:
             return
         if "gone" in event:
-            self._worker = None
-            self._worker_ended(int(event["gone"]))
+            self._worker = self.running = None
+            status = int(event["gone"])
+            how = f"ended with status {status}"
+            if status < 0:
+                how = f"was ended by {signal.Signals(-status).name}"
+            job.message = job.message or f"the worker {how}"
+            self._finish(job)
         elif "stage" in event:
             job.say(str(event["stage"]), float(event["progress"]), self._clock())
         elif not job.message:  # neither cancelled nor late
             job.success = "message" in event
             job.message = str(event["message" if job.success else "error"])
-
-    def _worker_ended(self, status: int) -> None:
-        """Finish the running job, whose process has ended with an exit status."""
-        job, self.running = self.running, None
-        assert job is not None
-        how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
-        verb = "was ended" if status < 0 else "ended"
-        job.message = job.message or f"the worker {verb} {how}"
-        self._finish(job)
 
     def _finish(self, job: Job) -> None:
         if not job.success and job.folder is not None:

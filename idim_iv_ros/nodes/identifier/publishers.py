@@ -23,7 +23,7 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
     drift_diagnosis,
     drift_report,
 )
-from idim_iv_ros.nodes.identifier.job import DIAGNOSIS, ESTIMATORS, Job
+from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
@@ -61,18 +61,17 @@ class ResultPublisher:
 
     def publish_last(self) -> None:
         """Read the history; publish the newest result whose file can be read, and its drift."""
-        history = self._history = EstimateHistory(self._directory)
+        self._history = EstimateHistory(self._directory)
         # The newest that may be shown; without any, the newest of all.
-        for entry in sorted(history.entries, key=_is_shown)[::-1]:
+        for entry in sorted(self._history.entries, key=_is_shown)[::-1]:
             try:
-                path = self._directory / entry.folder / RESULT
-                result = IdentificationResult.read(path)
+                result = IdentificationResult.read(self._directory / entry.folder / RESULT)
             except IdimError as error:
                 self._node.get_logger().warning(str(error))
                 continue
             self._show(entry, result_message(result, entry.stamp, entry.bags, entry.folder))
             break
-        self._compare(history)
+        self._compare(self._history)
 
     def add(self, job: Job) -> None:
         """Publish the result of a job that has ended, and save it in the history."""
@@ -86,9 +85,7 @@ class ResultPublisher:
             effort_unit=result.effort_unit,
             bags=job.names,
             folder=job.folder.name,
-            values={
-                parameter.name: (parameter.value, parameter.std) for parameter in result.parameters
-            },
+            values={item.name: (item.value, item.std) for item in result.parameters},
             configuration=job.configuration_name,
         )
         self.last = result_message(result, entry.stamp, entry.bags, entry.folder)
@@ -153,28 +150,24 @@ def _now(node: Node) -> int:
 
 
 def _is_shown(entry: PastEstimates) -> bool:
-    """Return whether an identification is by IDIM-IV with the node's configuration."""
     return not entry.configuration and entry.estimator == ESTIMATORS[0]
 
 
 def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[DiagnosticStatus]:
-    bags = ", ".join(result.parameters.bags)
-    return [
-        diagnostic_status(
-            _LEVELS[residual.verdict],
-            f"{name}: {residual.joint}",
-            residual.joint,
-            residual.sentence,
-            {
-                "verdict": residual.verdict,
-                "bags": bags,
-                f"residual, RMS ({result.effort_unit})": f"{residual.rms:.4g}",
-                "residual (%)": f"{residual.relative_percent:.3g}",
-                "order of its autoregressive model": residual.ar_order,
-            },
+    statuses = []
+    for residual in result.residuals:
+        joint, level = residual.joint, _LEVELS[residual.verdict]
+        values = {
+            "verdict": residual.verdict,
+            "bags": ", ".join(result.parameters.bags),
+            f"residual, RMS ({result.effort_unit})": f"{residual.rms:.4g}",
+            "residual (%)": f"{residual.relative_percent:.3g}",
+            "order of its autoregressive model": residual.ar_order,
+        }
+        statuses.append(
+            diagnostic_status(level, f"{name}: {joint}", joint, residual.sentence, values)
         )
-        for residual in result.residuals
-    ]
+    return statuses
 
 
 class GapPublisher:
@@ -187,7 +180,7 @@ class GapPublisher:
 
     def publish_last(self) -> None:
         """Publish the newest diagnosis in the output directory, if its file can be read."""
-        files = self._directory.glob(f"{DIAGNOSIS}_*/{GAP}")
+        files = self._directory.glob(f"diagnosis_*/{GAP}")
         newest = max(files, key=lambda file: file.stat().st_mtime_ns, default=None)
         if newest is None:
             return

@@ -14,7 +14,7 @@ from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from idim_iv_ros.nodes.identifier.job import Job, JobListener
+from idim_iv_ros.nodes.identifier.job_queue import Job, JobListener
 
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
 # without an answer.

@@ -20,7 +20,7 @@ from idim_iv_ros.files import RESULT
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.nodes.entry import LATCHED, run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import EstimateHistory
-from idim_iv_ros.nodes.identifier.job import ESTIMATORS
+from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS
 from idim_iv_ros.nodes.joint_topic import JointTopic
 from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status, message_of
 from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration
