@@ -26,8 +26,7 @@ from idim_iv_ros.nodes.recorder.report import (
     topic_diagnosis,
     topic_status,
 )
-from idim_iv_ros.nodes.recorder.session import RecordingSession, State
-from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
+from idim_iv_ros.nodes.recorder.session import Intake, RecordingSession, State, WriterThread
 from idim_iv_ros.nodes.recorder.topics import TopicSet
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
@@ -61,20 +60,22 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
         self._fault = self._sentence = ""
-        self._snapshots = SnapshotService(node, self._writer, self._intake.drain, self._announce)
+        self._snapshot: Future[None] | None = None  # one at a time is written
+        self._snapshot_at = float("-inf")
+        self._errors: set[str] = set()  # of other nodes
+        session, call = self._session, self._call
         self._actions: dict[str, Callable[[], str]] = {
             "start": self._start,
             "stop": self._stop,
-            "abort": lambda: (
-                f"{self._call(partial(self._session.stop, aborted=True)).folder}: given up"
-            ),
-            "pause": lambda: self._call(partial(self._session.go_on, State.PAUSED)),
-            "resume": lambda: self._call(partial(self._session.go_on, State.RECORDING)),
-            "split": lambda: f"closed {self._call(self._session.split)}",
-            "snapshot": self._snapshots.take,
+            "abort": lambda: f"{call(partial(session.stop, aborted=True)).folder}: given up",
+            "pause": lambda: call(partial(session.go_on, State.PAUSED)),
+            "resume": lambda: call(partial(session.go_on, State.RECORDING)),
+            "split": lambda: f"closed {call(session.split)}",
+            "snapshot": self._write_snapshot,
         }
         for name in self._actions:
             node.create_service(Trigger, f"~/{name}", partial(self._answer, name))
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._watch_errors, 100)
         steady_timer(node, _LOOK, self._topics.look)
         steady_timer(node, self._settings.status_period, self._report)
         self._follow_changes()
@@ -94,7 +95,8 @@ class Recorder(NodeProgram[RecorderSettings]):
             if self._session.bag is not None:
                 self.act("stop")
         finally:
-            self._snapshots.close()
+            if self._snapshot is not None:
+                self._snapshot.exception()  # waits for it
             self._writer.end()
             self._topics.close()
             super().close()
@@ -135,10 +137,10 @@ class Recorder(NodeProgram[RecorderSettings]):
     ) -> Trigger.Response:
         try:
             response.success, response.message = True, self.act(name)
-        except IdimError as error:
-            response.success, response.message = False, str(error)
-        except TimeoutError:
-            response.success, response.message = False, "the disk did not answer for 10 s"
+        except (IdimError, TimeoutError) as error:
+            slow = isinstance(error, TimeoutError)
+            why = "the disk did not answer for 10 s" if slow else str(error)
+            response.success, response.message = False, why
         log = self.node.get_logger()
         if not response.success:
             log.error(response.message)
@@ -151,7 +153,8 @@ class Recorder(NodeProgram[RecorderSettings]):
         now = time.monotonic()
         seconds, self._counted_at = now - self._counted_at, now
         statuses = []
-        for topic in self._topics.topics:
+        topics = self._topics.topics
+        for topic in topics:
             received = topic.monitor.received
             new = received - self._counted.get(topic.name, 0)
             self._counted[topic.name] = received
@@ -161,7 +164,7 @@ class Recorder(NodeProgram[RecorderSettings]):
         status = recorder_status(self._writer, statuses, failure, self._now())
         self._status.publish(status)
         diagnoses = [recorder_diagnosis(name, status, self._session.ring)]
-        for topic, counted in zip(self._topics.topics, statuses, strict=True):
+        for topic, counted in zip(topics, statuses, strict=True):
             recent = self._recent.setdefault(topic.name, RecentCounts()).since(counted, now)
             diagnoses.append(topic_diagnosis(name, topic, counted, recent))
         self._diagnostics.publish(*diagnoses)
@@ -182,6 +185,43 @@ class Recorder(NodeProgram[RecorderSettings]):
         else:
             log.info(self._sentence)
 
+    def _write_snapshot(self) -> str:
+        """Begin to write a snapshot in another thread; return a sentence that names its folder."""
+        if self._snapshot is not None and not self._snapshot.done():
+            raise UsageError("the last snapshot is still being written")
+        folder, write = self._call(self._session.snapshot)
+
+        def work() -> None:
+            try:
+                self._announce(write())
+            except OSError as error:
+                reason = error.strerror or error
+                self.node.get_logger().error(f"the snapshot could not be written: {reason}")
+
+        self._snapshot_at = time.monotonic()
+        self._snapshot = in_thread(work, "snapshot")
+        return f"the last {self._session.ring.span:.1f} s go into {folder}"
+
+    def _watch_errors(self, array: DiagnosticArray) -> None:
+        # Without the recorder's errors: with a full disk a snapshot is impossible.
+        mine = (self.node.get_name(), self.node.get_fully_qualified_name())
+        errors = {
+            status.name: f"{status.name}: {status.message}"
+            for status in array.status
+            if status.level == DiagnosticStatus.ERROR and not status.name.startswith(mine)
+        }
+        new = [error for name, error in errors.items() if name not in self._errors]
+        self._errors = self._errors - {status.name for status in array.status} | errors.keys()
+        duration = self._settings.snapshot_duration
+        recent = time.monotonic() - self._snapshot_at < duration
+        if not new or recent or not (self._settings.snapshot_on_error and duration):
+            return
+        try:
+            said = self._write_snapshot()
+        except (IdimError, TimeoutError) as error:
+            said = str(error)
+        self.node.get_logger().error(f"{new[0]}: {said}")
+
     def _refuse(self, given: Mapping[str, object]) -> str:
         before = self._settings.configuration
         if self._session.bag is not None and given.get("configuration", before) != before:
@@ -196,76 +236,6 @@ class Recorder(NodeProgram[RecorderSettings]):
             self._call(self._session.forget)
         elif given & {"extra_topics", "extra_topics_regex"}:
             self._topics.extend(settings)
-
-
-class SnapshotService:
-    """Writes snapshots (bags of the last seconds), one at a time.
-
-    `drain` hands all messages that have arrived to the writer; `announce` takes the complete bag.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        writer: WriterThread,
-        drain: Callable[[], None],
-        announce: Callable[[ClosedBag], object],
-    ) -> None:
-        self._node, self._writer = node, writer
-        self._drain, self._announce = drain, announce
-        self._writing: Future[None] | None = None
-        self._errors: set[str] = set()
-        self._taken = float("-inf")
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._watch_errors, 100)
-
-    @property
-    def _session(self) -> RecordingSession:
-        return self._writer.session
-
-    def take(self) -> str:
-        """Begin to write a snapshot in another thread; return a sentence that names its folder."""
-        if self._writing is not None and not self._writing.done():
-            raise UsageError("the last snapshot is still being written")
-        self._drain()
-        folder, write = self._writer.call(self._session.snapshot)
-
-        def work() -> None:
-            try:
-                closed = write()
-            except OSError as error:
-                reason = error.strerror or error
-                self._node.get_logger().error(f"the snapshot could not be written: {reason}")
-            else:
-                self._announce(closed)
-
-        self._taken = time.monotonic()
-        self._writing = in_thread(work, "snapshot")
-        return f"the last {self._session.ring.span:.1f} s go into {folder}"
-
-    def close(self) -> None:
-        """Wait for a snapshot that is being written."""
-        if self._writing is not None:
-            self._writing.exception()
-
-    def _watch_errors(self, array: DiagnosticArray) -> None:
-        # Without the recorder's errors: with a full disk a snapshot is impossible.
-        mine = (self._node.get_name(), self._node.get_fully_qualified_name())
-        errors = {
-            status.name: f"{status.name}: {status.message}"
-            for status in array.status
-            if status.level == DiagnosticStatus.ERROR and not status.name.startswith(mine)
-        }
-        new = [error for name, error in errors.items() if name not in self._errors]
-        self._errors = self._errors - {status.name for status in array.status} | errors.keys()
-        settings = self._session.settings
-        recent = time.monotonic() - self._taken < settings.snapshot_duration
-        if not new or recent or not (settings.snapshot_on_error and settings.snapshot_duration):
-            return
-        log = self._node.get_logger()
-        try:
-            log.error(f"{new[0]}: {self.take()}")
-        except (IdimError, TimeoutError) as error:
-            log.error(f"{new[0]}: {error}")
 
 
 run = partial(run_node, "recorder", Recorder, ABOUT)

@@ -4,20 +4,27 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
 from idim_iv_ros.nodes.messages import diagnostic_status, message_of
-from idim_iv_ros.nodes.recorder.session import RecordingSession, SnapshotRing, State
-from idim_iv_ros.nodes.recorder.threads import WriterThread
+from idim_iv_ros.nodes.recorder.session import RecordingSession, SnapshotRing, State, WriterThread
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
+from idim_iv_ros.types import IntArray
 
 _SILENT = 1.0  # s, at least
 _SILENT_PERIODS = 20.0
 _CLOCK = "use_sim_time is true and /clock was not heard"
 SILENT_CLOCK = f"{_CLOCK} yet: nothing is recorded before"
 RECENT = 10.0  # s for which an incident is a warning; totals stay among the values
+_INCIDENTS = {
+    "lost": "lost",
+    "late": "late",
+    "malformed": "malformed or too large",
+    "backward": "stamped before the one before",
+}
 _COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
 
@@ -104,9 +111,7 @@ def bag_sentence(
     return f"{message.bag}: {', '.join([*parts, *troubles])}", warns
 
 
-def recorder_diagnosis(
-    name: str, status: RecorderStatus, ring: SnapshotRing | None = None
-) -> DiagnosticStatus:
+def recorder_diagnosis(name: str, status: RecorderStatus, ring: SnapshotRing) -> DiagnosticStatus:
     """Return the recorder's status; `ring` holds the messages of a snapshot."""
     level, sentence = DiagnosticStatus.OK, State(status.state).name.lower()
     if status.fault:
@@ -118,7 +123,7 @@ def recorder_diagnosis(
         name: getattr(status, name) for name in ("bag", "file", "bytes", "waiting", "dropped")
     }
     values |= {"duration (s)": f"{status.duration:.1f}", "free disk (B)": status.free_disk}
-    if ring is not None and ring.duration:
+    if ring.duration:
         values["in memory (s)"], values["in memory (B)"] = f"{ring.span:.1f}", ring.size
     return diagnostic_status(level, f"{name}: recording", name, sentence, values)
 
@@ -130,20 +135,19 @@ class RecentCounts:
     """
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[float, dict[str, int]]] = deque()
+        self._seen: deque[tuple[float, IntArray]] = deque()
 
     def since(self, status: TopicStatus, now: float) -> TopicStatus:
         """Return a status with the increase of its counts; `now`, s, must not decrease."""
-        counts = {name: getattr(status, name) for name in _COUNTED}
-        if self._seen and any(counts[name] < self._seen[-1][1][name] for name in _COUNTED):
+        counts = np.array([getattr(status, name) for name in _COUNTED])
+        if self._seen and np.any(counts < self._seen[-1][1]):
             self._seen.clear()  # counted from zero: a new recording, or another publisher
         self._seen.append((now, counts))
         while len(self._seen) > 1 and now - self._seen[1][0] >= RECENT:
             self._seen.popleft()
         begin, before = self._seen[0]
-        if now - begin < RECENT:  # all that was counted is recent
-            before = dict.fromkeys(_COUNTED, 0)
-        rose = {name: counts[name] - before[name] for name in _COUNTED}
+        recent = counts if now - begin < RECENT else counts - before
+        rose = dict(zip(_COUNTED, recent.tolist(), strict=True))
         return TopicStatus(rate=status.rate, longest_gap=status.longest_gap, **rose)
 
 
@@ -151,7 +155,30 @@ def topic_diagnosis(
     name: str, topic: WatchedTopic, status: TopicStatus, recent: TopicStatus
 ) -> DiagnosticStatus:
     """Return the status of one topic: level from the `recent` counts, values from `status`."""
-    errors, warnings = _errors(topic), _warnings(topic, recent)
+    monitor = topic.monitor
+    latched = topic.channel is None or topic.channel.latched
+    longest = max(_SILENT, _SILENT_PERIODS * (monitor.period or 0.0))
+    errors = [topic.problem] if topic.problem else []
+    if topic.had_publishers and topic.publishers == 0:
+        errors.append(f"its publisher is gone; last message {monitor.silence:.1f} s ago")
+    elif topic.had_publishers and not latched and monitor.silence > longest:
+        errors.append(f"no message for {monitor.silence:.1f} s")
+    warnings = []
+    substituted = any(other.had_publishers for other in topic.substitutes)
+    if not topic.had_publishers and not topic.problem and not substituted:
+        warnings.append("nobody publishes it")
+    if topic.note:
+        warnings.append(topic.note)
+    if topic.publishers > 1:
+        warnings.append(f"{topic.publishers} publishers: lost messages cannot be counted")
+    if monitor.content is not None:
+        warnings += monitor.content.problems
+    for counted, what in _INCIDENTS.items():
+        if count := getattr(recent, counted):
+            warnings.append(f"{count} messages {what}")
+    if recent.gaps:
+        words = f"the longest of the recording {recent.longest_gap:.3f} s"
+        warnings.append(f"{recent.gaps} gaps; {words}")
     level = DiagnosticStatus.OK
     if errors or warnings:
         level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
@@ -164,38 +191,3 @@ def topic_diagnosis(
         "backward stamps": status.backward,
     }
     return diagnostic_status(level, f"{name}: {topic.name}", topic.name, sentence, values)
-
-
-def _errors(topic: WatchedTopic) -> list[str]:
-    errors = [topic.problem] if topic.problem else []
-    if not topic.had_publishers:
-        return errors
-    if topic.publishers == 0:
-        errors.append(f"its publisher is gone; last message {topic.monitor.silence:.1f} s ago")
-    elif topic.channel is not None and not topic.channel.latched:
-        period = topic.monitor.period or 0.0
-        if topic.monitor.silence > max(_SILENT, _SILENT_PERIODS * period):
-            errors.append(f"no message for {topic.monitor.silence:.1f} s")
-    return errors
-
-
-def _warnings(topic: WatchedTopic, recent: TopicStatus) -> list[str]:
-    warnings = []
-    substituted = any(other.had_publishers for other in topic.substitutes)
-    if not topic.had_publishers and not topic.problem and not substituted:
-        warnings.append("nobody publishes it")
-    if topic.note:
-        warnings.append(topic.note)
-    if topic.publishers > 1:
-        warnings.append(f"{topic.publishers} publishers: lost messages cannot be counted")
-    if topic.monitor.content is not None:
-        warnings += topic.monitor.content.problems
-    counts = {
-        "lost": recent.lost,
-        "late": recent.late,
-        "malformed or too large": recent.malformed,
-        "stamped before the one before": recent.backward,
-    }
-    warnings += [f"{count} messages {what}" for what, count in counts.items() if count]
-    longest = f"the longest of the recording {recent.longest_gap:.3f} s"
-    return warnings + ([f"{recent.gaps} gaps; {longest}"] if recent.gaps else [])

@@ -175,21 +175,20 @@ class WatchedTopic:
         offered = tuple(_offered_qos(publisher) for publisher in publishers)
         before = self.channel and self.channel.message_type
         self.channel = TopicChannel(self.name, message_type, offered, definition(message_type))
-        kinds = {qos.reliability for qos in offered}, {qos.durability for qos in offered}
-        self.note = (
-            "its publishers offer different QoS: subscribed as the weakest of them"
-            if max(map(len, kinds)) > 1
-            else ""
-        )
-        reliable = not self._best_effort and kinds[0] == {"reliable"}
-        latched = not self._best_effort and self.channel.latched
-        durability, reliability = DurabilityPolicy, ReliabilityPolicy
+        reliabilities = {qos.reliability for qos in offered}
+        mixed = len(reliabilities) > 1 or len({qos.durability for qos in offered}) > 1
+        weakest = "its publishers offer different QoS: subscribed as the weakest of them"
+        self.note = weakest if mixed else ""
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
             depth=self._depth,
-            reliability=reliability.RELIABLE if reliable else reliability.BEST_EFFORT,
-            durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
+            reliability=ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.VOLATILE,
         )
+        if not self._best_effort and reliabilities == {"reliable"}:
+            profile.reliability = ReliabilityPolicy.RELIABLE
+        if not self._best_effort and self.channel.latched:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
         if self._subscription is not None:
             if profile == self._profile and before == message_type:
                 return
@@ -205,7 +204,7 @@ class WatchedTopic:
         """Replace the subscription; messages that both received are counted once."""
         with self._lock:
             new = self._node.create_subscription(
-                kind, self.name, _unused_callback, profile, callback_group=self._group, raw=True
+                kind, self.name, lambda _: None, profile, callback_group=self._group, raw=True
             )
             old, self._subscription = self._subscription, new
             if old is not None:
@@ -213,10 +212,6 @@ class WatchedTopic:
             self._type, self._profile = kind, profile
         if old is not None:
             self._node.destroy_subscription(old)
-
-
-def _unused_callback(_: bytes) -> None:
-    """Do nothing: the callback that rclpy asks for, which no executor calls."""
 
 
 def _message_key(message: Taken) -> tuple[int | None, int | None]:
@@ -249,11 +244,6 @@ class TopicSet:
         """Return a new list of the topics, signals first, that another thread may iterate over."""
         return [*self._signals, *self._extra]
 
-    @property
-    def names(self) -> set[str]:
-        """Fully qualified names of the topics."""
-        return {topic.name for topic in self.topics}
-
     def configure(self, settings: RecorderSettings) -> None:
         """Watch the signals of the configuration in `settings`."""
         new, old = signal_topics(self._node, settings), self._signals
@@ -271,9 +261,8 @@ class TopicSet:
         self._refused: set[str] = set()
         self._looked = float("-inf")
         listed = map(self._node.resolve_topic_name, filter(None, settings.extra_topics))
-        self._extra = [
-            self._topic(name) for name in dict.fromkeys(listed) if name not in self.names
-        ]
+        signals = {topic.name for topic in self._signals}
+        self._extra = [self._topic(name) for name in dict.fromkeys(listed) if name not in signals]
         for topic in old:
             topic.close()
 
@@ -296,7 +285,7 @@ class TopicSet:
         if self._expression is None or time.monotonic() - self._looked < _PERIOD:
             return []
         self._looked = time.monotonic()
-        watched, matches = self.names, []
+        watched, matches = {topic.name for topic in self.topics}, []
         for name, types in self._node.get_topic_names_and_types():
             # A part that begins with an underscore is hidden, as those of services and actions.
             if name in watched or name in self._refused or "/_" in name:

@@ -103,11 +103,9 @@ class MotionSimulation:
         seconds = max(_BLEND, self._seconds(motion.position[due] - place))
         samples = round(seconds * rate)
         target = min(due + samples, len(motion.position) - 1)
-        ends = (0.0, samples / rate)
-        arrival = motion.velocity[target]
-        if target == len(motion.position) - 1:
-            arrival = np.zeros_like(place)
-        blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
+        arrival = motion.velocity[target] * (target < len(motion.position) - 1)
+        ends = [place, motion.position[target]]
+        blend = CubicHermiteSpline((0.0, samples / rate), ends, [speed, arrival])
         time = np.arange(1, samples + 1) / rate
         whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
         return self._simulate(whole, seed)
@@ -115,16 +113,18 @@ class MotionSimulation:
     def _simulate(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
         """Simulate references (n_samples, n_joints), a rest added after them."""
         rest = round(REST * self.rate)
-        whole = np.concatenate(
-            [np.tile(position[0], (rest, 1)), position, np.tile(position[-1], (rest, 1))]
-        )
+        whole = np.pad(position, ((rest, rest), (0, 0)), mode="edge")
         velocity = np.gradient(whole, 1.0 / self.rate, axis=0)
         joints = self.robot.robot.joints
         motion = Trajectory(joints, self.rate, whole, velocity, np.zeros_like(whole))
-        record = self.robot.record(motion, seed)
-        topics = recorded_topics(self.robot, record)
-        # The loop begins unloaded and settles in the first rest, which nobody sees.
-        return [_without_start(topic, REST) for topic in topics], whole[rest:]
+        topics = []
+        for topic in recorded_topics(self.robot, self.robot.record(motion, seed)):
+            # The loop begins unloaded and settles in the first rest, which nobody sees.
+            rows = topic.time >= REST - 1e-9
+            values = {name: getattr(topic, name) for name in ("position", "velocity", "effort")}
+            later = {name: value[rows] for name, value in values.items() if value is not None}
+            topics.append(replace(topic, time=topic.time[rows] - REST, **later))
+        return topics, whole[rest:]
 
     def _seconds(self, way: FloatArray) -> float:
         """Return the duration, s, of a slow fifth-order polynomial over a distance (n_joints,)."""
@@ -141,14 +141,6 @@ class MotionSimulation:
             joint = joints[int(np.flatnonzero(outside.any(axis=0))[0])]
             raise UsageError(f"the trajectory leaves the range of {joint}")
         return motion
-
-
-def _without_start(topic: JointTopic, seconds: float) -> JointTopic:
-    """Return a topic without its first seconds, with times from zero."""
-    rows = topic.time >= seconds - 1e-9
-    values = {name: getattr(topic, name) for name in ("position", "velocity", "effort")}
-    later = {name: value[rows] for name, value in values.items() if value is not None}
-    return replace(topic, time=topic.time[rows] - seconds, **later)
 
 
 class Playback(threading.Thread):
