@@ -79,7 +79,13 @@ def run_node(
         executor = SingleThreadedExecutor()
         executor.add_node(running.node)
         try:
-            _spin(executor, running.node, stop)
+            while not stop.is_set():
+                try:
+                    executor.spin_once(timeout_sec=_WAIT)
+                except CannotGoOnError as error:
+                    raise error.why from error
+                except Exception as error:  # one bad request must not end the recording
+                    running.node.get_logger().error(one_line(error))
         finally:
             running.close()
     except IdimError as error:
@@ -88,16 +94,6 @@ def run_node(
     finally:
         try_shutdown()
     return 0
-
-
-def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -> None:
-    while not stop.is_set():
-        try:
-            executor.spin_once(timeout_sec=_WAIT)
-        except CannotGoOnError as error:
-            raise error.why from error
-        except Exception as error:  # one bad request must not end the recording
-            node.get_logger().error(one_line(error))
 
 
 def _start_failure(error: Exception) -> str:

@@ -96,8 +96,7 @@ class RecorderSettings(Settings):
     )
     status_period: float = _status_period("~/status and /diagnostics")
 
-    def check(self) -> None:
-        """Check what the ranges cannot express; a UsageError names the parameter."""
+    def __post_init__(self) -> None:
         if not self.bag_prefix or self.bag_prefix != Path(self.bag_prefix).name:
             raise UsageError(f"bag_prefix: {self.bag_prefix!r} is not the name of a folder")
         try:
@@ -213,8 +212,7 @@ class CollectorSettings(Settings):
         3600.0, "a goal ends after this time, s; that of a request may be shorter", (1.0, 86_400.0)
     )
 
-    def check(self) -> None:
-        """Check what the ranges cannot express; a UsageError names the parameter."""
+    def __post_init__(self) -> None:
         if not self.controller:
             raise UsageError("controller: name the controller that follows trajectories")
         if math.isinf(self.floor):
@@ -244,8 +242,7 @@ class PredictorSettings(Settings):
     )
     status_period: float = _status_period()
 
-    def check(self) -> None:
-        """Check what the ranges cannot express; a UsageError names the parameter."""
+    def __post_init__(self) -> None:
         if not self.configuration:
             raise UsageError(_NAME_IT)
 
@@ -260,13 +257,10 @@ class SimulatorSettings(Settings):
     motion_seed: int = parameter(1, "seed of the random motion", (0, _LARGEST_SEED))
     seed: int = parameter(1, "seed of the noise", (0, _LARGEST_SEED))
 
-    def check(self) -> None:
-        """Check what the ranges cannot express; a UsageError names the parameter."""
+    def __post_init__(self) -> None:
         if not self.configuration:
             raise UsageError(_NAME_IT)
-        if self.trajectory:
-            from idim_iv_ros.excitation.trajectory import (
-                read_trajectory,  # the other nodes start without it
-            )
+        if self.trajectory:  # the other nodes start without this module
+            from idim_iv_ros.excitation.trajectory import read_trajectory
 
             read_trajectory(Path(self.trajectory))

@@ -17,6 +17,7 @@ from idim_iv_interfaces.action import Identify
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.nodes.parameters import NAMES
 from idim_iv_ros.nodes.settings import ACTION, TOPIC
 
 LOOK = 0.02  # s between two looks at the robot
@@ -72,8 +73,7 @@ class Controller:
             node.resolve_topic_name(f"{name}/joint_trajectory")
         except Exception as error:  # rclpy has one class for each thing that can be wrong
             raise UsageError(
-                f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no "
-                "digit first, parts separated by /"
+                f"parameter controller: {name!r} is no name of ROS: {NAMES}"
             ) from error
         self._kind: Any = None
         if interface != TOPIC:

@@ -42,10 +42,6 @@ class PastEstimates:
         """Return the properties that estimates must share to be compared."""
         return self.robot, self.configuration, self.estimator, self.effort_unit
 
-    def repeats(self, other: "PastEstimates") -> bool:
-        """Return whether both are estimates of one kind from the same bags."""
-        return self.kind == other.kind and set(self.bags) == set(other.bags)
-
     def independent_of(self, other: "PastEstimates") -> bool:
         """Return whether both have the same parameters, and no bag in common."""
         return set(self.values) == set(other.values) and not set(self.bags) & set(other.bags)
@@ -125,9 +121,13 @@ class EstimateHistory:
 
         At most `length` of its kind are kept, the newest and a baseline that the user set.
         """
-        if any(other.baseline and entry.repeats(other) for other in self.entries):
-            entry = replace(entry, baseline=True)
-        others = [other for other in self.entries if not entry.repeats(other)]
+        earlier = [
+            other
+            for other in self.entries
+            if other.kind == entry.kind and set(other.bags) == set(entry.bags)
+        ]
+        entry = replace(entry, baseline=any(other.baseline for other in earlier))
+        others = [other for other in self.entries if other not in earlier]
         of_kind = [other for other in others if other.kind == entry.kind]
         removable = [other for other in of_kind if not other.baseline]
         surplus = removable[: max(len(of_kind) + 1 - length, 0)]
@@ -153,30 +153,27 @@ class EstimateHistory:
         The baseline is the one that was set, else the first with the same parameters and no bag in
         common (estimates from the same data are not independent).
         """
-        newest = {entry.kind: entry for entry in self.entries}
-        ordered = sorted(newest.values(), key=self.entries.index)
-        return [self._comparison(entry, significance) for entry in ordered]
-
-    def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
-        """Compare one identification with its baseline, and find since when it drifts."""
-        of_kind = [entry for entry in self.entries if entry.kind == newest.kind]
-        comparable = [entry for entry in of_kind if entry.independent_of(newest)]
-        chosen = [entry for entry in comparable if entry.baseline]
-        if newest.baseline or not comparable:
-            return Comparison(newest)
-        baseline = (chosen or comparable)[0]
-
-        def drifts(entry: PastEstimates) -> tuple[Drift, ...]:
-            return drifts_of(baseline.values, entry.values, significance)
-
-        since = None
-        for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
-            if not baseline.independent_of(entry):
+        by_kind: dict[tuple[str, ...], list[PastEstimates]] = {}
+        for entry in self.entries:
+            by_kind[entry.kind] = [*by_kind.pop(entry.kind, []), entry]  # the newest kind last
+        compared = []
+        for of_kind in by_kind.values():
+            newest = of_kind[-1]
+            comparable = [entry for entry in of_kind if entry.independent_of(newest)]
+            if newest.baseline or not comparable:
+                compared.append(Comparison(newest))
                 continue
-            if not any(drift.drifts for drift in drifts(entry)):
-                break
-            since = entry.stamp
-        return Comparison(newest, baseline, drifts(newest), since)
+            chosen = [entry for entry in comparable if entry.baseline]
+            baseline, since = (chosen or comparable)[0], None
+            for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
+                if baseline.independent_of(entry):
+                    drifts = drifts_of(baseline.values, entry.values, significance)
+                    if not any(drift.drifts for drift in drifts):
+                        break
+                    since = entry.stamp
+            drifts = drifts_of(baseline.values, newest.values, significance)
+            compared.append(Comparison(newest, baseline, drifts, since))
+        return compared
 
     def _save(self, entries: Sequence[PastEstimates]) -> None:
         _HistoryFile(identifications=tuple(entries)).write(self._path)
@@ -190,7 +187,7 @@ def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
         None,
         header=comparisons[-1].newest.stamp if comparisons else 0,
         drifting=any(comparison.drifting for comparison in comparisons),
-        message=drift_sentence(comparisons),
+        message=_sentence(comparisons),
         comparisons=[comparison.to_message() for comparison in comparisons],
     )
 
@@ -208,29 +205,26 @@ def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticS
         for drift in shown.drifts:
             values[f"{drift.name} (σ)"] = f"{drift.statistic:+.2f}"
     level = DiagnosticStatus.WARN if alarms else DiagnosticStatus.OK
-    return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)
+    return diagnostic_status(level, f"{name}: drift", name, _sentence(comparisons), values)
 
 
-def drift_sentence(comparisons: Sequence[Comparison]) -> str:
+def _sentence(comparisons: Sequence[Comparison]) -> str:
     """Return one line that says which parameters changed, and since when."""
-    parts = []
+    parts, unchanged = [], "no earlier identification to compare with"
     for comparison in comparisons:
-        if comparison.drifting:
-            newest = comparison.newest
-            kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
-            changed = "; ".join(
-                f"{drift.name} {drift.before:.4g} → {drift.now:.4g} ({drift.statistic:+.1f} σ)"
-                for drift in comparison.drifting
-            )
-            which = f"{kind}: " if len(comparisons) > 1 else ""
-            parts.append(f"{which}{changed}: changed since {comparison.compared_with}")
-    compared = [comparison for comparison in comparisons if comparison.drifts]
-    if not parts and not compared:
-        return "no earlier identification to compare with"
-    return "; ".join(parts) or (
-        f"no parameter differs from {compared[-1].compared_with} by more than "
-        f"{compared[-1].drifts[0].limit:.2f} σ"
-    )
+        newest, bags = comparison.newest, comparison.compared_with
+        kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
+        which = f"{kind}: " if len(comparisons) > 1 else ""
+        changed = "; ".join(
+            f"{drift.name} {drift.before:.4g} → {drift.now:.4g} ({drift.statistic:+.1f} σ)"
+            for drift in comparison.drifting
+        )
+        if changed:
+            parts.append(f"{which}{changed}: changed since {bags}")
+        elif comparison.drifts:
+            limit = comparison.drifts[0].limit
+            unchanged = f"no parameter differs from {bags} by more than {limit:.2f} σ"
+    return "; ".join(parts) or unchanged
 
 
 class FolderLock:
