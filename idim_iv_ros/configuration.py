@@ -361,7 +361,6 @@ class Configuration(Section):
 
     @model_validator(mode="after")
     def _lengths(self) -> "Configuration":
-        """Refuse lists that do not hold one number for each joint."""
         n = len(self.robot.joints)
         if len(set(self.robot.joints)) != n:
             raise ValueError("robot.joints names a joint twice")
@@ -427,7 +426,6 @@ def load_configuration(path: FilePath) -> Configuration:
 
 
 def _existing(path: Path, key: str, urdf: Path) -> Path:
-    """Absolute path of the URDF or MJCF that a key of a configuration names."""
     try:
         absolute = (path.parent / urdf).resolve()
         present = absolute.is_file()

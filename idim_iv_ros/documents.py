@@ -32,7 +32,6 @@ D = TypeVar("D", bound="Document")
 
 
 def _null_as(number: float) -> WrapValidator:
-    """Read null as this number."""
 
     def read(value: object, check: Callable[[object], float]) -> float:
         return number if value is None else check(value)

@@ -9,7 +9,7 @@ from typing import Any
 from typer import Option
 from typer.core import TyperCommand
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.identify import print_physical
 from idim_iv_ros.cli.output import Output
 from idim_iv_ros.errors import UsageError

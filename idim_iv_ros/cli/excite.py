@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from rich.console import Console
 from typer import Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import Output, print_table
 
 if TYPE_CHECKING:
@@ -134,7 +134,6 @@ def excite_command(
 def _print_excitation(
     console: Console, model: InverseModel, limits: MotionLimits, excitation: Excitation
 ) -> None:
-    """Print condition numbers, limits used, and the parameters that stay badly excited."""
     from idim_iv_ros.excitation.criterion import BAD_DEVIATION, BAD_SHARE
 
     design = excitation.design
@@ -170,7 +169,6 @@ def _print_excitation(
 def _print_limits(
     console: Console, model: InverseModel, limits: MotionLimits, use: LimitUse
 ) -> None:
-    """Print the most used limit of each joint, and the lowest height of a moving frame."""
     console.print(f"Largest share of each limit (allowed: {100 * limits.margin:g} %)")
     shares = (use.position, use.velocity, use.acceleration, use.torque)
     rows = [
@@ -193,7 +191,6 @@ def _print_limits(
 def _print_segments(
     console: Console, model: InverseModel, limits: MotionLimits, diagnosis: Diagnosis
 ) -> None:
-    """Print the segments by kind with the effects that they show, and the limits used."""
     from idim_iv_ros.excitation.segments import NOT_REVEALED
 
     segments = diagnosis.segments

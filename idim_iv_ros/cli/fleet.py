@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table, report_warnings
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.files import FLEET, FLEET_PAGE
@@ -107,7 +107,6 @@ def fleet_command(
 
 
 def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
-    """Return the next command: check a failed bag on this machine, or the same command again."""
     from idim_iv_ros.fleet.robots import path_of
     from idim_iv_ros.fleet.source import is_local, local_path
 
@@ -119,7 +118,6 @@ def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
 
 
 def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
-    """Write the reports of the diagnosed robots, and return their addresses by robot."""
     from idim_iv_ros.report.write import write_report
 
     pages = {}
@@ -135,7 +133,6 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
 
 
 def _print_fleet(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
-    """Print the robots that need attention, their types, and the bags left out."""
     from idim_iv_ros.report.fleet import headline
 
     result = answer.result

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, write_together
@@ -84,7 +84,6 @@ def init_command(
 
 
 def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
-    """Write the proposed map of a table, and print the next command."""
     from idim_iv_ros.recording.table_map import proposed_map
 
     require_file_place([out], force=force)

@@ -119,7 +119,6 @@ def complain(text: str) -> None:
 
 
 def _with_file_name(name: str, write: Callable[..., object]) -> Callable[..., object]:
-    """Return the function `write` such that its OSErrors name the file."""
 
     def named(*arguments: object) -> object:
         try:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.files import REPLAY, SIMULATION_FORMAT
 
@@ -49,6 +49,8 @@ def simulate_command(
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
+    import numpy as np
+
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -74,14 +76,13 @@ def simulate_command(
     if (urdf := configuration.robot.description) is not None:
         robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
         output.warn(robot.doubts)
-    rows = []
-    for column, (joint, kind) in enumerate(
-        zip(configuration.robot.joints, bags[0].joint_types, strict=True)
-    ):
-        torque = max(float(bag.peak_torque[column]) for bag in bags)
-        error = max(1e3 * float(bag.peak_error[column]) for bag in bags)
-        peaks = ((torque, "N m"), (error, "mrad"))
-        rows.append((joint, *(f"{peak:.3g} {unit_at(unit, kind)}" for peak, unit in peaks)))
+    torques = np.max([bag.peak_torque for bag in bags], axis=0)
+    errors = 1e3 * np.max([bag.peak_error for bag in bags], axis=0)
+    joints = zip(configuration.robot.joints, bags[0].joint_types, torques, errors, strict=True)
+    rows = [
+        (joint, f"{torque:.3g} {unit_at('N m', kind)}", f"{error:.3g} {unit_at('mrad', kind)}")
+        for joint, kind, torque, error in joints
+    ]
     columns = ("joint", ">effort", ">tracking error")
     print_table(output.console, "Largest over the recording", columns, rows)
     for bag in bags:
@@ -141,16 +142,9 @@ def export_command(
     from idim_iv_ros.simulator_files.export import export
 
     output = Output(quiet=quiet, as_json=as_json)
-    paths = export(
-        result,
-        load_configuration(config),
-        out,
-        force=force,
-        refit=refit,
-        without=without or (),
-        remainder=remainder,
-        randomize=randomize,
-    )
+    how = {"refit": refit, "remainder": remainder, "randomize": randomize}
+    configuration = load_configuration(config)
+    paths = export(result, configuration, out, force=force, without=without or (), **how)
     files = [str(file) for file in paths.files]
     notes, missing = list(paths.notes), list(paths.not_native)
     output.document({"files": files, "not_native": missing, "notes": notes})
@@ -158,10 +152,8 @@ def export_command(
         output.line(f"Note: {note}")
     if missing:
         why = "MuJoCo has no element for" if paths.urdf else "Your MJCF was not given elements for"
-        output.line(
-            f"{why} {', '.join(missing)}: {paths.effects.name} holds "
-            "them for its loop (docs/simulators.md)"
-        )
+        where = f"{paths.effects.name} holds them for its loop (docs/simulators.md)"
+        output.line(f"{why} {', '.join(missing)}: {where}")
     for file in files:
         output.line(f"Written: {file}")
     output.line(f"What is new, and how sure it is: {paths.changes}")

@@ -139,7 +139,6 @@ def _fleet_type(compared: ComparedType) -> FleetType:
 
 
 def _notes(compared: ComparedType) -> list[str]:
-    """Return sentences on what cannot be judged of a type, and why."""
     notes = []
     count = len(compared.bags.robots)
     robots = f"{count} robot{'s' if count != 1 else ''}"
@@ -293,7 +292,6 @@ def _quantities(compared: ComparedType, place: int) -> tuple[RobotQuantity, ...]
 
 
 def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
-    """Return the change of one quantity of a robot, with the series in which it was found."""
     robot, quantity = compared.bags.robots[place], compared.bags.quantities[column]
     rows, change = compared.changes[place].rows[column], compared.changes[place].changes[column]
     assert change is not None
@@ -325,7 +323,6 @@ def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
 
 
 def _unused_words(unused: Sequence[BagResult], used: int) -> str:
-    """Return a sentence on how many bags of a robot are unusable, missing or corrupt."""
     detail = ""
     for status in ("missing", "corrupt"):
         count = sum(bag.status == status for bag in unused)
@@ -337,7 +334,6 @@ def _unused_words(unused: Sequence[BagResult], used: int) -> str:
 
 
 def _difference_words(quantity: RobotQuantity, usual: TypeQuantity, joints: Sequence[str]) -> str:
-    """Return a sentence on the quantity in which a robot differs from its type, and how far."""
     far = math.isfinite(quantity.distance)
     distance = f"{abs(quantity.distance):.3g} standard deviations" if far else ""
     side = "above" if quantity.distance > 0.0 else "below"
@@ -357,7 +353,6 @@ def _difference_words(quantity: RobotQuantity, usual: TypeQuantity, joints: Sequ
 
 
 def _change_words(change: ParameterChange, joints: Sequence[str]) -> str:
-    """Return a sentence on what changed, when, and by how much."""
     first, last = change.begin_low[:10], change.begin_high[:10]
     when = f"on {first}" if first == last else f"between {first} and {last}"
     after = f"to {_number(change.after)} {change.unit}"

@@ -178,7 +178,6 @@ class JointPositions:
         self._topic.close()
 
     def _look(self) -> None:
-        """Update each joint's position from the messages that have arrived."""
         taken = self._topic.take()["position"]
         if not len(taken):
             return

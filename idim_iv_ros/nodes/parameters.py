@@ -89,7 +89,6 @@ class NodeProgram(Generic[Kind]):
         return int(self.node.get_clock().now().nanoseconds)
 
     def _follow_changes(self) -> None:
-        """Check and apply parameters that are set from now on."""
         self.node.add_on_set_parameters_callback(self._validate)
         self.node.add_post_set_parameters_callback(self._apply_changes)
 

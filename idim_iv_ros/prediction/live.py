@@ -47,24 +47,23 @@ class PredictionWindow:
 
     def __init__(self, identified: IdentifiedModel, rate: float, start: int) -> None:
         self.rate, self._start, self._identified = rate, start, identified
-        result = identified.result
-        self._cutoff = result.processing.position_cutoff
-        self._order = result.processing.position_order
+        made = identified.result.processing
+        self._cutoff, self._order = made.position_cutoff, made.position_order
         self._wait = butterworth_samples(rate, self._cutoff, self._order, CURVE_TOLERANCE)
         self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
-        self._smoothing, self._smooth_wait = self._curve_filter(result.processing.decimation_cutoff)
+        self._smoothing, self._smooth_wait = self._curve_filter(made.decimation_cutoff)
         self.lag = (self._wait + self._smooth_wait) / rate
         # The decimation of the identification at this rate: the same edge in Hz.
-        self._factor = max(1, round(rate / result.processing.row_rate))
+        self._factor = max(1, round(rate / made.row_rate))
         self.row_rate = rate / self._factor
         given = identified.processing
-        edge = min(given.decimation_edge * result.processing.row_rate / self.row_rate, 1.0)
+        edge = min(given.decimation_edge * made.row_rate / self.row_rate, 1.0)
         changes = {"decimation_edge": edge, "decimation_phase": "first"}
         self._processing = given.model_copy(update=changes)
         self._row_wait = ParallelDecimation(self._factor, 1, edge).settling(CURVE_TOLERANCE)
         margin = REVERSAL_MARGIN if given.reversal_margin is None else given.reversal_margin
-        self._around = round(margin * self._factor)
-        self._minimum_speed = np.array(result.processing.minimum_speed)
+        self._reach = max(self._factor, round(margin * self._factor))
+        self._minimum_speed = np.array(made.minimum_speed)
         self._coupling_joints = identified.model.regressor.layout.coupling_joints
         self._end = 0  # number behind the newest sample
         self._next_row = 0
@@ -100,13 +99,11 @@ class PredictionWindow:
 
     @property
     def _curve_place(self) -> int:
-        """Return the number of the sample that the curves have reached."""
         return self._end - 1 - self._wait - self._smooth_wait
 
     @property
     def _curve_start(self) -> int:
-        """Return the number of the first sample that curves still need."""
-        return self._curve_place - max(3 * self._smooth_wait, self._factor, self._around)
+        return self._curve_place - max(3 * self._smooth_wait, self._reach)
 
     def advance(
         self, positions: JointSamples, efforts: JointSamples, until: int, rows: ResidualRows
@@ -119,7 +116,7 @@ class PredictionWindow:
         self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
         if self.missing > 0.0:
             return None
-        oldest = max(int(samples.time[0]) for samples in (positions, efforts)) - self._start
+        oldest = max(positions.time[0], efforts.time[0]) - self._start
         available = max(0, int(np.ceil(oldest * 1e-9 * self.rate)))
         places = self._new_rows(available)
         first = max(self._curve_start, available)
@@ -160,13 +157,9 @@ class PredictionWindow:
         grid = Grid(self._stamp(begin), self.rate, self._end - begin)
         position = on_grid(grid, positions.time, positions.values, "", smooth=True)
         effort = on_grid(grid, efforts.time, efforts.values, "")
-        record = JointSignals(
-            "",
-            self.rate,
-            transform.position(position.values),
-            transform.torque(effort.values),
-            ~transform.touched(position.invented, effort.invented),
-        )
+        valid = ~transform.touched(position.invented, effort.invented)
+        torque = transform.torque(effort.values)
+        record = JointSignals("", self.rate, transform.position(position.values), torque, valid)
         return decimated_motion(
             record,
             self._smooth(record.position, self._cutoff),
@@ -190,8 +183,7 @@ class PredictionWindow:
         if self._smooth_wait:
             smoothed = self._smooth(smoothed, self._smoothing)
         measured, predicted = np.split(smoothed[place - begin], 2)
-        reach = max(self._factor, self._around)
-        around = slice(max(place - reach, 0), place + reach + 1)
+        around = slice(max(place - self._reach, 0), place + self._reach + 1)
         valid = motion.signals.valid[motion.span][around].all(axis=0)
         position, least = motion.position[motion.span], self._minimum_speed
         moves = fast_samples(position, self.rate, least, self._coupling_joints)[around].all(axis=0)
@@ -253,15 +245,10 @@ class LivePrediction:
         return max(stream.late for stream in self._streams)
 
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
-        """Add samples in the order of their arrival.
-
-        - `positions`, `efforts`: in the units of the topics
-        - `now`: time of arrival, ns
-        """
+        """Add samples, in the units of the topics, in the order of their arrival at `now`, ns."""
         for stream, new in zip(self._streams, (positions, efforts), strict=True):
             stream.add(new, now)
-        restarted = self._positions.restarted or self._efforts.restarted
-        if restarted:
+        if restarted := self._positions.restarted or self._efforts.restarted:
             self._restart(restarted)
 
     def _restart(self, why: str) -> None:
@@ -271,26 +258,22 @@ class LivePrediction:
                 stream.clear()
 
     def newest(self, now: int) -> Prediction:
-        """Predict the newest sample that the filters reach.
-
-        - `now`: ns, of the same clock as in `add`
-        """
+        """Predict the newest sample that the filters reach; `now`, ns, is as in `add`."""
         reason = self._not_usable(now)
         if not reason and self.window is None:
             reason = self._measure_rate()
-        window = self.window
+        window, curve = self.window, None
         times = self._positions.samples.time
-        newest, joints = int(times[-1]) if len(times) else 0, len(self.identified.joints)
-        if reason or window is None:
-            return Prediction.absent(joints, reason, newest)
-        until = min(stream.reached for stream in self._streams)
-        curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
-        for stream in self._streams:
-            stream.forget(window.needed)
-        if curve is None:
+        newest = int(times[-1]) if len(times) else 0
+        if not reason and window is not None:
+            until = min(stream.reached for stream in self._streams)
+            curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
+            for stream in self._streams:
+                stream.forget(window.needed)
             why = f"{self._why}; " if self._why else ""
-            filling = f"{why}the filters fill: {window.missing:.1f} s to go"
-            return Prediction.absent(joints, filling, newest)
+            reason = f"{why}the filters fill: {window.missing:.1f} s to go"
+        if curve is None:
+            return Prediction.absent(len(self.identified.joints), reason, newest)
         self._why = ""
         stamp, measured, predicted = curve
         floor = self.identified.noise_floor
@@ -310,11 +293,9 @@ class LivePrediction:
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
             if self.window is not None and (new := stream.other_rate) is not None:
-                self._restart(
-                    f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
-                )
-                # All samples were dropped: the rate must be measured again.
-                return self._why
+                rates = f"from {stream.rate:.4g} to {new:.4g} Hz"
+                self._restart(f"the rate of the {name} changed {rates}")
+                return self._why  # all samples were dropped: the rate must be measured again
         return ""
 
     def _measure_rate(self) -> str:

@@ -28,8 +28,7 @@ class JointSamples:
 
     time: IntArray  # (n,) int: ns
     values: FloatArray  # (n, n_joints): NaN where a joint has none
-    # (n, n_joints) bool or None: Joints that each sample is about, where parts of the robot
-    # have messages of their own; None where every sample is about all of them
+    # (n, n_joints): joints that each sample is about; None where every sample is about all of them
     named: BoolArray | None = None
 
     def __len__(self) -> int:
@@ -55,14 +54,12 @@ class JointSamples:
 
     def followed_by(self, later: "JointSamples") -> "JointSamples":
         """Return these and later samples in the order of time; equal stamps are merged."""
-        values = np.concatenate([self.values, later.values])
-        about = np.concatenate([self.about, later.about])
         times, place = np.unique(np.concatenate([self.time, later.time]), return_inverse=True)
-        row, column = np.nonzero(about)
+        row, column = np.nonzero(np.concatenate([self.about, later.about]))
+        values = np.concatenate([self.values, later.values])
         merged = np.full((len(times), values.shape[1]), np.nan)
-        merged[place[row], column] = values[row, column]
         named = np.zeros(merged.shape, dtype=bool)
-        named[place[row], column] = True
+        merged[place[row], column], named[place[row], column] = values[row, column], True
         return JointSamples(times, merged, named)
 
     def part(self, rows: slice) -> "JointSamples":
@@ -71,16 +68,12 @@ class JointSamples:
 
 
 class SampleStream:
-    """The newest samples of one topic.
+    """The newest samples of one topic, whose quantity is `name`: ``position`` or ``effort``.
 
-    - `name`: their quantity: ``position`` or ``effort``
-    - `turning`: (n_joints,), whether the values are positions that may wrap after one turn
-
-    - `restarted`: why the last `add` dropped older samples (a pause, a clock that was set), or
-      empty
-    - `late`: number of samples left out because their stamps do not increase
-    - `arrived`: time of the last change of `reached`, ns
-    - `rate`: sampling rate, Hz; None until `measure_rate` determines it
+    `turning` (n_joints,): whether the values are positions that may wrap after one turn.
+    `restarted`: why the last `add` dropped older samples (a pause, a clock that was set), or empty.
+    `late`: number of samples left out because their stamps do not increase. `arrived`: time of the
+    last change of `reached`, ns. `rate`: of sampling, Hz; None until `measure_rate` determines it.
     """
 
     def __init__(self, name: str, turning: Sequence[bool]) -> None:
@@ -115,7 +108,6 @@ class SampleStream:
         self.forget(int(self.samples.time[-1]) - _MOST)
 
     def _append(self, new: JointSamples) -> None:
-        """Append samples later than those of their joints, with wraps removed."""
         stamps = np.vstack([self.samples.newest, np.where(new.about, new.time[:, None], NEVER)])
         about = new.about & (new.time[:, None] > np.maximum.accumulate(stamps)[:-1])
         fresh = about.any(axis=1)

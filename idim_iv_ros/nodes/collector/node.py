@@ -72,7 +72,6 @@ class Collector(NodeProgram[CollectorSettings]):
         super().close()
 
     def _load_robot(self) -> None:
-        """Read the configuration file and subscribe to its robot."""
         before, self._robot = self._robot, None
         if before is not None:
             before.close()

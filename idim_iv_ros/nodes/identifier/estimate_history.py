@@ -209,7 +209,6 @@ def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticS
 
 
 def _sentence(comparisons: Sequence[Comparison]) -> str:
-    """Return one line that says which parameters changed, and since when."""
     parts, unchanged = [], "no earlier identification to compare with"
     for comparison in comparisons:
         newest, bags = comparison.newest, comparison.compared_with

@@ -276,7 +276,6 @@ class JobQueue:
             self._wake()
 
     def _begin(self, job: Job) -> None:
-        """Create the folder of a job and start its worker."""
         settings = self._settings()
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)

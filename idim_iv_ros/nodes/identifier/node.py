@@ -154,7 +154,6 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._cleanup()
 
     def _next_step(self) -> str:
-        """Return the lifecycle commands that are needed before requests are accepted."""
         if self._managed.state == FINALIZED:
             return "start the node again"
         name = self.node.get_fully_qualified_name()

@@ -112,7 +112,6 @@ class Predictor(NodeProgram[PredictorSettings]):
         return [JointTopic(self.node, name, self._joints, named) for name, named in fields.items()]
 
     def _describe(self, text: str, source: str) -> None:
-        """Build the model of a URDF; `source` names it in messages."""
         model = build_inverse_model(self._configuration, text, source)
         joints = read_urdf_text(text, source).joints
         self._links = [joints[name].child for name in self._joints]
@@ -144,7 +143,6 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._look()
 
     def _look(self) -> None:
-        """Look for new publishers and a new result."""
         for topic in self._topics:
             topic.look()
         self._look_for_result()

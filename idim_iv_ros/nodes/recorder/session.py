@@ -400,7 +400,6 @@ class WriterThread(threading.Thread):
         self._write(waiting)
 
     def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
-        """Count waiting messages by topic, and hand them to the session."""
         messages: list[Message] = []
         for topic, batches in waiting.items():
             taken = [message for batch in batches for message in batch.taken]

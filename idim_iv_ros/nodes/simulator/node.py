@@ -173,7 +173,6 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
         return random_motion(configuration, duration=duration, rate=rate, seed=seed)
 
     def _from_rest(self, trajectory: Trajectory | None) -> list[JointTopic]:
-        """Return the messages of a motion that begins where the last one ended."""
         topics, self._references = self._simulation.published(
             self._references[-1], trajectory, self._settings.seed
         )
@@ -193,7 +192,6 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
 
 
 def _requested_trajectory(message: JointTrajectory, rate: float) -> Trajectory:
-    """Return the trajectory of a message, sampled at `rate` Hz."""
     points, joints = message.points, message.joint_names
     counts = {len(point.positions) for point in points} - {len(joints)}
     if counts:
@@ -207,7 +205,6 @@ def _requested_trajectory(message: JointTrajectory, rate: float) -> Trajectory:
 
 
 def _load_simulation(path: Path) -> MotionSimulation:
-    """Return the simulation of the robot in a configuration file."""
     configuration = load_configuration(path)
     period = configuration.controller.period
     rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
