@@ -17,10 +17,7 @@ _DEEPEST = 20
 
 
 def read_mapping(path: Path) -> dict[Any, Any]:
-    """Read a YAML file that holds one mapping.
-
-    Raises UsageError: file missing, unreadable, too large, no text, broken YAML, or no mapping.
-    """
+    """Read a YAML file that holds one mapping; a UsageError says what is wrong with it."""
     text = read_text(path, "the configuration", megabytes=_LARGEST_FILE)
     try:
         _require_flat(path, text)
@@ -39,10 +36,7 @@ def read_mapping(path: Path) -> dict[Any, Any]:
 
 
 def _require_flat(path: Path, text: str) -> None:
-    """Refuse what makes a short text endless: deep nesting, and references within references.
-
-    And characters that cannot be written again.
-    """
+    """Refuse deep nesting, references within references, and characters that are no text."""
     depth = 0
     anchored: list[bool] = []  # of each open collection, whether it or one around it is anchored
     for event in YAML(typ="safe", pure=True).parse(text):

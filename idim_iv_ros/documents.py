@@ -60,11 +60,9 @@ Unsaved = Annotated[T, Field(exclude=True)]
 class Document:
     """Base of a frozen dataclass that is a document: its fields, in their order, are the keys.
 
-    A field of type `Unsaved` is left out, and has its default when the document is read back.
-    Numbers that do not exist are null.
-
-    - `what`, `written_by`: what it is (``a diagnosis``) and which command writes it, for messages
-    - `format`: first field, its default names the format
+    A field of type `Unsaved` is left out. `what` says what it is (``a diagnosis``) and `written_by`
+    which command writes it, for messages; the default of `format`, the first field, names the
+    format.
     """
 
     what: ClassVar[str]
@@ -85,27 +83,19 @@ class Document:
         return json_text(self.to_document())
 
     def write(self, path: FilePath) -> None:
-        """Write the document, complete or not at all.
-
-        Raises UsageError: it cannot be written, and why.
-        """
+        """Write the document, complete or not at all; a UsageError says why it cannot be."""
         with refused_if_unwritable(path):
             write_together({Path(path): self.to_json()})
 
     @classmethod
     def read(cls: type[D], path: FilePath) -> D:
-        """Read a document that `write` wrote.
-
-        Raises UsageError: the file cannot be read, or as `from_json`.
-        """
+        """Read a document that `write` wrote; a UsageError says what is wrong, as `from_json`."""
         text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}")
         return cls.from_json(text, str(path))
 
     @classmethod
     def from_json(cls: type[D], text: str, name: str) -> D:
-        """Read a document from its text.
-
-        - `name`: of the file, for the message
+        """Read a document from the text of the file `name`.
 
         Raises UsageError: not JSON, another format, or a key that is missing, wrong or unknown; one
         line with the file, the key and what to do.

@@ -29,10 +29,7 @@ def named(text: str) -> str:
 
 
 def json_text(content: object, *, encoding: str = "utf-8", indent: int | None = 2) -> str:
-    """Return a document as JSON that can be written in `encoding`, with a line end.
-
-    Raises ValueError: a number is not finite.
-    """
+    """Return JSON that can be written in `encoding`; ValueError if a number is not finite."""
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(encoding, _SPELT_JSON).decode(encoding)
 

@@ -62,10 +62,7 @@ _SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobod
 
 
 def as_paths(bags: FilePaths) -> tuple[Path, ...]:
-    """Return one or many bags as paths.
-
-    Raises UsageError: there is none.
-    """
+    """Return one or many bags as paths; a UsageError says that there is none."""
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     if not given:
         raise UsageError("no bag was given; at least one is needed")
@@ -73,10 +70,7 @@ def as_paths(bags: FilePaths) -> tuple[Path, ...]:
 
 
 def as_file(out: FilePath) -> Path:
-    """Return the path of a file that will be written.
-
-    Raises UsageError: it has no name: it is empty, ``.`` or ``/``.
-    """
+    """Return the path of a file to write; a UsageError where it is empty, ``.`` or ``/``."""
     path = Path(out)
     if not path.name:
         raise UsageError(f"--out {path}: the name of a file is needed")
@@ -89,11 +83,7 @@ def is_file(path: Path) -> bool:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is a file or folder `path`.
-
-    Raises UsageError: the name is no name for this system (too long), or a folder on the way may
-    not be entered.
-    """
+    """Whether there is a file or folder; a UsageError where its name is none, or not to be read."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -112,14 +102,10 @@ def read_text(
     megabytes: float = 50.0,
     decode: Callable[[bytes], str] = lambda content: content.decode("utf-8-sig"),
 ) -> str:
-    """Read a text file.
+    """Read a text file of at most so many `megabytes`; `what` is expected, for the message.
 
-    A device or a pipe is refused before it is opened: it may never end, or never begin.
-
-    `what` is expected, for the message: ``the trajectory``; `megabytes` is the largest size of
-    such a file. `decode` makes text of bytes, or raises `ValueError` or `LookupError`.
-    Raises UsageError: missing, unreadable, no regular file, too large, or no text; one line with
-    the path.
+    `decode` makes text of bytes, or raises `ValueError` or `LookupError`. Raises UsageError:
+    missing, unreadable, no regular file (a pipe may never end), too large, or no text.
     """
     try:
         state = path.stat()
@@ -147,10 +133,7 @@ def refused_if_unwritable(path: FilePath) -> Iterator[None]:
 
 
 def probe_place(path: Path) -> None:
-    """Find out, before long work, whether a file can be written beside `path`.
-
-    Raises OSError: it cannot, and why.
-    """
+    """Write and remove a file beside `path`, before long work; an OSError says why it cannot be."""
     probe = _temporary(path)
     with uninterrupted():
         try:
@@ -160,11 +143,7 @@ def probe_place(path: Path) -> None:
 
 
 def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
-    """Refuse, before long work, files that could not be written or must not be replaced.
-
-    Raises UsageError: the folder of a file is missing or cannot be written, or as
-    `require_replaceable`.
-    """
+    """Refuse, before long work, files that cannot be written, or as `require_replaceable`."""
     files = list(files)
     require_replaceable(files, force=force)
     for file in files:
@@ -175,10 +154,7 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
 
 
 def require_folder_place(folder: Path) -> None:
-    """Refuse, before long work, a folder that cannot be written, or not be made.
-
-    Raises UsageError: one line with the folder, and where that ends.
-    """
+    """Refuse, before long work, a folder that cannot be written, or not be made."""
     place = folder.absolute()
     while not (is_there(place) or place.is_symlink()):
         place = place.parent
@@ -191,10 +167,7 @@ def require_folder_place(folder: Path) -> None:
 
 @contextmanager
 def made_folder(out: Path) -> Iterator[None]:
-    """Make a folder and its parents; those that are empty after a failure are taken away again.
-
-    Raises OSError: it cannot be made.
-    """
+    """Make a folder and its parents; those that are empty after a failure are removed again."""
     missing = [folder for folder in (out, *out.parents) if not folder.exists()]
 
     def undo() -> None:
@@ -213,7 +186,7 @@ def made_folder(out: Path) -> Iterator[None]:
 
 @contextmanager
 def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
-    """Temporary files that take the names of `paths`, all together, if the ``with`` ends well.
+    """Temporary files that take the names of `paths` together, if the ``with`` ends well.
 
     Raises OSError: a file cannot be written, or a folder has its name.
     """
@@ -231,10 +204,7 @@ def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
 
 
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
-    """Write files, texts in UTF-8, that appear complete and together, or not at all.
-
-    Raises OSError: a file cannot be written, or a folder has its name.
-    """
+    """Write files, texts in UTF-8, complete and together or not at all, as `complete_files`."""
     with complete_files(contents) as temporary:
         for path, content in contents.items():
             with temporary[path].open("wb") as file:
@@ -245,20 +215,13 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def _temporary(path: Path) -> Path:
-    """Where a file is written before it is complete.
-
-    Its name is short and of ASCII whatever that of the file: a name of 255 bytes is a name, too.
-    """
+    """Where a file is written before it is complete; a name of 255 bytes is a name, too."""
     name = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
     return path.with_name(f".{name}.{os.getpid()}.tmp")
 
 
 def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
-    """Refuse to replace a file that this program did not write.
-
-    Raises UsageError: there is such a file (unless `force`), something else than a file in its
-    place, or a name that cannot be.
-    """
+    """Refuse to replace what this program did not write (unless `force`), or what is no file."""
     for path in paths:
         try:
             kind = _kind(path)

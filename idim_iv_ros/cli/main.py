@@ -14,10 +14,7 @@ from idim_iv_ros.interruption import SIGNALS, STATUS, interruption_ends_process
 
 
 def main() -> None:
-    """Run the command line; every failure is one line on stderr and an exit status.
-
-    With ``IDIM_IV_TRACEBACK`` set in the environment, unexpected errors keep their traceback.
-    """
+    """Run the command line; a failure is one line on stderr (``IDIM_IV_TRACEBACK`` keeps all)."""
     # While the interpreter ends, there is nothing left to interrupt.
     for number in SIGNALS:
         atexit.register(signal.signal, number, signal.SIG_IGN)
@@ -84,10 +81,7 @@ _NARROWEST = 20  # columns in which words of the tables can be read
 
 
 def prepare_streams() -> None:
-    """Make stdout and stderr accept any text, whatever their encoding.
-
-    Raises UsageError: stdout is closed.
-    """
+    """Make stdout and stderr accept any text; a UsageError says that stdout is closed."""
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - until the end
     if sys.stdout is None:

@@ -65,10 +65,7 @@ def numbers(option: str, text: str) -> list[float]:
 
 
 class Output:
-    """Stdout and stderr of one command.
-
-    `console` prints nothing with `quiet` or `as_json`; `progress()` is `shown_progress`.
-    """
+    """Stdout and stderr of one command; `console` is silent with `quiet` or `as_json`."""
 
     def __init__(self, *, quiet: bool = False, as_json: bool = False):
         self.as_json = as_json
@@ -90,10 +87,8 @@ class Output:
 
         `compute` takes bags, configuration, `options` and `progress`; the numbers are written to
         the file `name` in the folder `out`. Returns the result, and the paths of numbers and page,
-        None without --out.
-
-        Raises UsageError, before computing: files cannot be written, or there is no --out nor
-        --json.
+        None without --out. Raises UsageError, before computing: files cannot be written, or there
+        is no --out nor --json.
         """
         from idim_iv_ros.configuration import load_configuration
         from idim_iv_ros.report.write import require_writable, write_report
@@ -197,10 +192,9 @@ def print_table(
 ) -> None:
     """Print rows of plain text under a title; columns that are empty in all rows are left out.
 
-    A heading that begins with ``>`` is for numbers with units, aligned to the right. Names and
-    numbers stay on one line: only texts are wrapped where the terminal is narrow, for which rich
-    needs the least width of every column. Of more than `most` rows the first are printed, then the
-    number of the others, and in the words of `rest` where they are.
+    Headings of numbers begin with ``>``. Only texts are wrapped where the terminal is narrow, for
+    which rich needs the least width of every column. Of more than `most` rows the first are
+    printed, and how many others there are; `rest` says where.
     """
     shown = rows[:most]
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")

@@ -77,13 +77,7 @@ _TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
 
 @dataclass(frozen=True)
 class FleetRun:
-    """Settings of one run over the bags of a fleet.
-
-    Raises
-    ------
-    UsageError
-        Scheduler and workers are both given, or no worker.
-    """
+    """Settings of one run; a UsageError where scheduler and workers are given, or no worker."""
 
     source: str  # manifest, folder or URL, see `find_bags`
     config: FilePath  # one configuration or a folder of them, see `robots_of`
@@ -161,8 +155,7 @@ class FleetRun:
 def connected(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any]:
     """Connect to a running scheduler, or start workers on this machine for a ``with`` block.
 
-    Raises UsageError: Dask is not installed, the scheduler does not answer or has no worker, or its
-    workers run another version of this program.
+    Raises UsageError: no Dask, no answer, no worker, or workers of another version of this program.
     """
     try:
         import dask
@@ -212,10 +205,7 @@ def _require_same_version(client: Any) -> None:
 
 
 def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function on a worker, whose version is checked first: it may have joined late.
-
-    Raises UsageError: the worker runs another version.
-    """
+    """Call a function on a worker; a UsageError where that, joined late, is of another version."""
     if (other := code_version()) != version:
         words = f"workers run {other}, this machine {version}"
         raise UsageError(f"{words}; install the same version everywhere")
@@ -225,10 +215,9 @@ def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> A
 def run_tasks(
     client: Any, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]], done: Done
 ) -> None:
-    """Call a function on workers once for each tuple of arguments, in no particular order.
+    """Call a function on workers for each tuple of arguments, in no particular order.
 
-    `done` is called in this process. Raises UsageError: a worker runs another version of this
-    program.
+    `done` is called in this process. Raises UsageError: a worker is of another version.
     """
     from distributed import KilledWorker, as_completed
 
@@ -334,10 +323,9 @@ def content_task(uri: str) -> BagResult:
 
 
 def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
-    """Identify one bag; if that fails, the result has the reason.
+    """Identify one bag; if that fails, the result has the reason (corrupt where it is damaged).
 
-    A bag without a readable topic, or with damages, is corrupt. Raises OSError: its store does not
-    answer now.
+    Raises OSError: its store does not answer now.
     """
     bag = Bag(Path(uri))
     try:
@@ -400,10 +388,7 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
 
 
 def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
-    """Diagnose bags of one robot together, on a worker; return the reason if that fails.
-
-    Remote bags are read by their index. Raises OSError: their store does not answer now.
-    """
+    """Diagnose bags of one robot together, on a worker, or return why that fails; see above."""
     try:
         return diagnose([open_bag(uri) for uri in uris], robot.local())
     except IdimError as error:

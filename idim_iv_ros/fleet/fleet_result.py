@@ -194,10 +194,7 @@ def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
 
 
 def _screen(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
-    """Return the robots of a type that deserve a diagnosis, and typical ones.
-
-    Typical are the ordinary robots with the smallest largest studentised distance.
-    """
+    """Return the robots to diagnose: conspicuous ones, and the most ordinary ones of the type."""
     conspicuous: list[Screened] = []
     typical: list[tuple[float, str, Screened]] = []
     for robot, bags in zip(robots, compared.bags.robots, strict=True):

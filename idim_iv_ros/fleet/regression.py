@@ -48,8 +48,7 @@ def bag_fields(
 ) -> dict[str, Any]:
     """Identify the segments of one bag in turn; return the fields of `BagResult` from `time` on.
 
-    Raises UsageError or DataError: as `identify`; a segment that supports no estimate is left out
-    if another one does.
+    A segment that supports no estimate is left out if another one does; else errors of `identify`.
     """
     segments: list[Segment] = []
     errors: list[DataError] = []
@@ -83,8 +82,8 @@ def _segment(recording: Recording, configuration: Configuration) -> Segment:
 def whitened_r_factor(identification: Identified) -> FloatArray:
     """Return R (b + 1, b + 1) of [X y], each joint whitened by the model of its residual.
 
-    The whitened residual has unit variance, so that stacked rows of different joints and bags have
-    the right weight. The diagonal is not negative, so that equal rows have equal factors.
+    The whitened residual has unit variance: rows of joints and bags have the right weight. The
+    diagonal is not negative, so that equal rows have equal factors.
     """
     rows, models = identification.rows, identification.refined.models
     width = len(identification.prepared.model.base.columns) + 1

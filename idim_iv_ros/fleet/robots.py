@@ -40,9 +40,8 @@ _WITHOUT = ("cli", "nodes", "report")
 def content_of(uri: str) -> str:
     """Return the digest of the content of a bag: SHA-256 of local files.
 
-    Remote files are not fetched: of them, size and checksum (else time of writing) in their store.
-
-    Raises OSError or UsageError or DataError: it cannot be found or read.
+    Of remote files it is that of size and checksum (else time of writing) in their store. Raises
+    OSError, UsageError or DataError: it cannot be found or read.
     """
     digest = hashlib.sha256()
     if is_local(uri):
@@ -94,10 +93,7 @@ def key_of(content: str, robot: "Robot", kind: str) -> str:
 
 @dataclass(frozen=True)
 class Robot:
-    """A configuration with its robot description (URDF or MJCF; empty where the bags have it).
-
-    Workers need nothing else; `digest` is that of both.
-    """
+    """A configuration, its URDF or MJCF (empty where the bags have it), and the `digest` of both."""
 
     configuration: Configuration
     description: bytes
@@ -141,11 +137,10 @@ def _kept(name: str, description: bytes) -> Path:
 def robots_of(
     entries: Sequence[BagEntry], config: Path
 ) -> tuple[tuple[BagEntry, ...], dict[str, Robot]]:
-    """Find the configuration of each robot of the bags, and build its model once.
+    """Find the configuration of each robot of the bags (see `path_of`); build its model once.
 
-    `config` is as in `path_of`. Entries without a type get the name of that file as type.
-
-    Raises UsageError: a robot without configuration, a wrong one, or a robot of two types.
+    Entries without a type get the name of that file as type. Raises UsageError: a robot without
+    configuration, a wrong one, or a robot of two types.
     """
     paths: dict[str, Path] = {}
     types: dict[str, str] = {}
@@ -163,10 +158,7 @@ def robots_of(
 
 
 def path_of(bag: BagEntry | BagResult, config: Path) -> Path:
-    """Return `config`, or in that folder ``ROBOT.yaml``, else ``TYPE.yaml``, of a bag.
-
-    Raises UsageError: the folder has none.
-    """
+    """Return `config`, or in that folder ROBOT.yaml, else TYPE.yaml; a UsageError without any."""
     if not config.is_dir():
         return config
     names = [name for name in (bag.robot, bag.type) if name]

@@ -43,10 +43,7 @@ class StoreError(OSError):
 
 
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
-    """Call a file system, and turn its errors into OSErrors.
-
-    Raises StoreError: access is denied, or the store does not answer. OSError: as for local files.
-    """
+    """Call a file system; its errors become OSErrors, or StoreError where the store is at fault."""
     try:
         return function(*arguments, **named)
     except FileNotFoundError as error:
@@ -65,10 +62,7 @@ def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
 
 
 def file_system(uri: str) -> tuple[Any, str]:
-    """Return the file system of a path or URL, and the path in it.
-
-    Raises UsageError: no library for such a URL is installed.
-    """
+    """Return file system and path of a URL or path; a UsageError where no library opens it."""
     try:
         from fsspec import available_protocols
         from fsspec.core import url_to_fs
@@ -97,10 +91,7 @@ def local_path(uri: str) -> Path:
 
 
 def open_bag(uri: str) -> Bag:
-    """Return a bag at a path or URL, not read yet.
-
-    Raises OSError: it cannot be found, or its store does not answer.
-    """
+    """Return a bag at a path or URL, not read yet; an OSError says why it cannot be found."""
     if is_local(uri):
         return Bag(local_path(uri))
     system, path = file_system(uri)
@@ -137,10 +128,8 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
     """List the bags of a fleet, in the order of the manifest or of their paths.
 
     A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, optionally type
-    and time. Or a folder or URL, in which bags are searched: ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``;
-    bags that lie directly in it are of one robot.
-
-    Raises UsageError: nothing is there, no bag is found, or the manifest is wrong.
+    and time; or a folder or URL with ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags directly in it are
+    of one robot. Raises UsageError: no bag is found, or the manifest is wrong.
     """
     system, path = file_system(source)
     try:

@@ -134,11 +134,9 @@ class Place:
 class JointPositions:
     """The newest positions of all joints from one topic; other joints are ignored.
 
-    `source` is a topic of any type that recordings are read from, or ``topic#field``; `reference`
-    as in `JointTopic`. `last` is None before all positions have come.
-
-    Joints may come in several messages; the stamp of the position is the oldest of their newest
-    stamps. A repeated stamp is ignored: drivers may repeat messages when the robot is off.
+    `source` is any topic of joints, or ``topic#field``. `last` is None before all positions have
+    come. Its stamp is the oldest of the joints' newest ones, which may come in several messages;
+    one that is repeated is ignored: drivers may repeat messages when the robot is off.
     """
 
     def __init__(

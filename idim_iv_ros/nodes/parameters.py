@@ -40,10 +40,9 @@ Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of the dataclasses of parameters; `parameter` makes every field of a subclass.
+    """Base of dataclasses whose fields are made by `parameter`.
 
-    Their `__post_init__` checks what ranges and choices cannot express; a UsageError names the
-    parameter.
+    A UsageError of `__post_init__` names a parameter that ranges and choices cannot check.
     """
 
 
@@ -69,9 +68,7 @@ def parameter(
 
 
 class NodeProgram(Generic[Kind]):
-    """A node with parameters that can be set while it runs.
-
-    `kind` is the dataclass of the parameters, `arguments` the command line of the node.
+    """A node with parameters of a dataclass `kind` that can be set while it runs.
 
     Raises UsageError: a value given at the start is not allowed, or a parameter is unknown.
     """
@@ -186,11 +183,7 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
 
 
 def read_configuration(node: Node, file: str) -> Configuration:
-    """Return the configuration in a file, with its topics resolved as the node would.
-
-    A UsageError names the parameter `configuration`: the file cannot be read, or holds an invalid
-    topic name.
-    """
+    """Return the configuration in a file, as `with_topics_of_node`; a UsageError names the parameter."""
     try:
         return with_topics_of_node(node, load_configuration(Path(file)))
     except IdimError as error:
@@ -198,10 +191,9 @@ def read_configuration(node: Node, file: str) -> Configuration:
 
 
 def with_topics_of_node(node: Node, configuration: Configuration) -> Configuration:
-    """Return the configuration with its relative topics resolved in the node's namespace.
+    """Return the configuration with its relative topics as the node resolves them.
 
-    In a bag they are looked for first under these names, remappings included. A UsageError says
-    that a name is not valid in ROS.
+    In a bag these names are looked for first. A UsageError says that one is not valid in ROS.
     """
     names: dict[str, str] = {}
     for name in (*configuration.signals.relative_topics, ROBOT_DESCRIPTION):

@@ -53,10 +53,8 @@ def identified_model(
 ) -> IdentifiedModel:
     """Read a result.json and check that it belongs to this robot and configuration.
 
-    - `path`: path of the result.json
-    - `model`, `source`: model of the configuration (`build_inverse_model`), name of its URDF
-
-    Raises UsageError: one line: it cannot be read, or is of another robot, URDF or configuration.
+    `model` is that of the configuration (`build_inverse_model`), `source` the name of its URDF.
+    Raises UsageError: it cannot be read, or is of another robot, URDF or configuration.
     """
     result = IdentificationResult.read(path)
     require_same_robot(path, result, configuration, model.robot, source)
@@ -94,10 +92,9 @@ _DAY = 86_400.0  # s
 class ResidualRows:
     """The newest rows of the residual, decimated as in the identification.
 
-    - `places`: (r,) int, numbers of their samples on the grid
-    - `residual`: (r, n_joints) N m (N)
-    - `counts`: (r, n_joints) bool, whether the row is measured and not near a reversal
-    - `variance`: (r, n_joints) (N m)² (N²) of the prediction by the uncertainty of the parameters
+    `places` (r,): numbers of their samples. `residual` (r, n_joints) N m (N). `counts` (r,
+    n_joints): whether a row is measured and not near a reversal. `variance` (r, n_joints) (N m)²
+    (N²): of the prediction by the uncertainty of the parameters.
     """
 
     def __init__(self, joints: int, rate: float) -> None:

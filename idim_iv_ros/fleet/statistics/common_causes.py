@@ -27,19 +27,13 @@ _SHOWN = 2  # numbers of a cause in a sentence: those that differ from zero most
 
 
 def is_nothing(cause: CauseSummary) -> bool:
-    """Return whether no number of a cause differs significantly (95 %) from no effect.
-
-    False for a cause without standard deviations.
-    """
+    """Return whether no number of a cause is beyond no effect (95 %); False without deviations."""
     ratios = _ratios(cause).values()
     return bool(ratios) and max(ratios) <= _INTERVAL
 
 
 def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
-    """Return the causes in most diagnosed bags of one robot, with the numbers of the newest.
-
-    The bags are in the order of time.
-    """
+    """Return the causes in most diagnosed bags, in the order of time, as the newest has them."""
     diagnosed = [bag.diagnosis for bag in bags if bag.diagnosis is not None]
     named: dict[tuple[str, str | None], list[CauseSummary]] = defaultdict(list)
     for diagnosis in diagnosed:
@@ -53,8 +47,7 @@ def common_causes(
 ) -> tuple[CommonCause, ...]:
     """Group the causes of diagnosed robots into those of the type and those of single robots.
 
-    Robots with different sizes of one effect at one joint have different causes. The `ordinary`
-    robots do not differ from their type.
+    Another size of an effect at a joint is another cause. The `ordinary` robots are as their type.
     """
     places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
     for robot, named in causes.items():

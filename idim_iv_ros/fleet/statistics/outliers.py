@@ -122,10 +122,7 @@ def _null_p_values(robots: int) -> FloatArray:
 
 
 def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return p-values (k, m) before calibration: each the smallest of robots removed later.
-
-    Values and variances are (k, m); see the module for the procedure.
-    """
+    """Return p-values (k, m) before calibration of values and variances (k, m); see above."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     remaining = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)

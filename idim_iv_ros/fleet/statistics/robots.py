@@ -47,8 +47,8 @@ _PRIORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 class Regression:
     """Least squares from an R factor.
 
-    `complete`: whether all parameters are identifiable; else the values are those without dependent
-    columns, and the covariance is meaningless.
+    Without `complete`, not all parameters are identifiable: dependent columns are left out of the
+    values, and the covariance is meaningless.
     """
 
     values: FloatArray  # (p,)
@@ -222,10 +222,7 @@ class ComparedType:
 
 
 def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
-    """Compare the robots of all types: first changes over time, then differences.
-
-    Robots of all types share one false discovery rate.
-    """
+    """Compare robots, all types at one false discovery rate: changes over time, then differences."""
     between = [common_between_variance([(r.values, r.variances) for r in g.robots]) for g in groups]
     searched = []
     for group, variance in zip(groups, between, strict=True):
@@ -250,9 +247,8 @@ def _search(
 ) -> tuple[list[IntArray], list[Change | None]]:
     """Search the quantities of a robot for a change: usable bags, and the change.
 
-    A robot that scatters more than others is tested by its own scatter, since with the smaller one
-    of others (`prior` (m,) degrees of freedom) motions with a missing effect would pass for
-    changes.
+    A robot that scatters more than others (`prior` (m,) degrees of freedom) is tested by its own
+    scatter: else motions with a missing effect would pass for changes.
     """
     variances = robot.variances + between
     usable = np.isfinite(robot.times)[:, None] & np.isfinite(robot.values + variances)

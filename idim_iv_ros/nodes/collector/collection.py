@@ -63,7 +63,7 @@ class Supervision:
     def look(self, elapsed: float, position: FloatArray) -> tuple[float, str]:
         """Return the largest distance from where the robot should be, rad (m), and its joint.
 
-        `elapsed` is the time since the request, s; `position` is measured, (n_joints,) rad (m).
+        The time `elapsed` is since the request, s; `position` (n_joints,) is measured, rad (m).
         """
         moved = float(np.abs(position - self._start).max()) > _MOVED * self._allowed
         if self.delay is None and moved:
@@ -86,10 +86,7 @@ class Supervision:
         return elapsed > self._motion.duration + delay
 
     def planned(self, elapsed: float) -> State:
-        """Return position and velocity (n_joints,) of the reference now, rad, rad/s.
-
-        Before the robot has begun, these are the first position and zero.
-        """
+        """Return position, velocity (n_joints,) of the reference now, rad, rad/s; at first at rest."""
         if self.delay is None:
             return self._motion.position[0], np.zeros_like(self._motion.velocity[0])
         sample = round((elapsed - self.delay) * self._motion.rate)
@@ -378,8 +375,7 @@ class Collection:
     ) -> Result:
         """Compute in another thread while this one ticks, so that a reason to end is noticed.
 
-        `compute` takes a callback for its progress, which raises when the computation shall end;
-        `expected` is its share of the whole.
+        `compute` takes a callback, which raises at the end; `expected` is its share of the whole.
         """
         begun = self._done
         given_up = threading.Event()

@@ -61,10 +61,8 @@ def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
 class Controller:
     """A ros2_control controller that follows trajectories.
 
-    `interface` ``action`` uses its action ``follow_joint_trajectory``, ``topic`` its topic
-    ``joint_trajectory``, which reports no failure. With ``auto`` the action is used if its server
-    was ready at the last call of `missing`, else the topic.
-
+    `interface` ``action`` uses ``follow_joint_trajectory``, ``topic`` ``joint_trajectory``, which
+    reports no failure; ``auto`` the action if its server was ready at the last call of `missing`.
     Raises UsageError: control_msgs, needed for the action, is not installed, or `name` is invalid.
     """
 
@@ -119,10 +117,7 @@ class Controller:
         answer.add_done_callback(self._of_this_goal(self._goal_accepted))
 
     def halt(self, stop: Trajectory) -> None:
-        """Bring the robot to rest by cancelling the goal of the action.
-
-        By the topic, the trajectory `stop` is sent instead, which comes to rest.
-        """
+        """Bring the robot to rest: cancel the goal of the action, or send the trajectory `stop`."""
         if not self._by_action:
             self._publisher.publish(trajectory_message(stop, stop.rate))
             return
@@ -230,10 +225,7 @@ class RecorderNeighbour:
         self._call_service("start", tick)
 
     def stop(self, *, aborted: bool = False) -> Path:
-        """Have the recorder close its bag, or abort it, and return the bag's folder.
-
-        A UsageError says why the recorder refuses, or that it names no bag in time.
-        """
+        """Have the recorder close or abort its bag, and return its folder; a UsageError says why not."""
         sleep = partial(time.sleep, LOOK)
         self._call_service("abort" if aborted else "stop", sleep)
         self._status = None  # that it records is no longer true

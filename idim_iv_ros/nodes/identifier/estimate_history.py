@@ -101,9 +101,7 @@ class _HistoryFile(Document):
 class EstimateHistory:
     """Past identifications in the order of time, saved in a file.
 
-    Only those of one kind (robot, configuration, estimator, unit of the effort) are compared: an
-    identification with another estimator does not end an alarm.
-
+    Only those of one kind (robot, configuration, estimator, unit of the effort) are compared.
     Raises DataError: the file is there but is no history; it is left as it is.
     """
 
@@ -150,8 +148,7 @@ class EstimateHistory:
     def comparisons(self, significance: float) -> list[Comparison]:
         """Compare the newest identification of each kind with its baseline.
 
-        The baseline is the one that was set, else the first with the same parameters and no bag in
-        common (estimates from the same data are not independent).
+        That is the one that was set, else the first with the same parameters and no bag in common.
         """
         by_kind: dict[tuple[str, ...], list[PastEstimates]] = {}
         for entry in self.entries:
@@ -227,21 +224,14 @@ def _sentence(comparisons: Sequence[Comparison]) -> str:
 
 
 class FolderLock:
-    """Locks a folder for one process; the system releases the lock if the process dies.
-
-    The folder is created if necessary. Where locks are not supported, as on some network disks,
-    several processes may take it.
-    """
+    """Locks a folder, made if needed, until the process ends; some network disks know no locks."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._open: int | None = None
 
     def take(self) -> None:
-        """Create and lock the folder.
-
-        Raises UsageError: it cannot be written, or another identifier holds the lock.
-        """
+        """Create and lock the folder; a UsageError where that fails, or another identifier has it."""
         if self._open is not None:
             return
         try:

@@ -1,6 +1,6 @@
 """The process that does one job, forked from one in which all libraries are loaded.
 
-Events: ``{"stage": text, "progress": 0 to 1}``, at last ``{"message": verdict}`` or ``{"error": one
+Events: ``{"stage": text, "progress": 0 to 1}``, then ``{"message": verdict}`` or ``{"error":
 line}``.
 """
 

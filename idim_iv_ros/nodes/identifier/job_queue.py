@@ -1,7 +1,4 @@
-"""Requested identifications and diagnoses: what they may name, and a queue that does one at a time.
-
-Each job has a process of its own.
-"""
+"""Requested identifications and diagnoses, what they may name, and their queue."""
 
 import math
 import queue
@@ -89,10 +86,8 @@ def requested_job(
     """Return the job that a goal or a service request asks for.
 
     `request` has `bags`, `configuration`, `timeout`, and `estimator` or `without`, whose effects
-    the worker checks; `configuration` is the node's.
-
-    Raises UsageError: a name leads out of its folder, a file is missing or too large, the estimator
-    is unknown, or the timeout is not a valid time.
+    the worker checks; `configuration` is the node's. Raises UsageError: a name leads out of its
+    folder, a file is missing or too large, or estimator or timeout are none.
     """
     estimator = getattr(request, "estimator", "") or ESTIMATORS[0]
     if estimator not in ESTIMATORS:
@@ -144,10 +139,8 @@ def _confined(folder: Path, name: str, what: str) -> Path:
 def confined_bag(folder: Path, name: str) -> tuple[Path, int]:
     """Return the path of a bag that a request names, and its size in bytes.
 
-    `name` is relative to the folder, or absolute and inside it.
-
-    Raises UsageError: the name is empty or contains ``..``; or the bag, or a file of it, does not
-    exist, leads out of the folder, or is no regular file.
+    `name` is relative to the folder, or absolute and inside it. Raises UsageError: it leads out of
+    it, or the bag or a file of it does not exist, leads out, or is no regular file.
     """
     path, size = _confined(folder, name, "bag_directory"), 0
     try:
@@ -207,10 +200,7 @@ class JobQueue:
         return [*self._waiting, *([self.running] if self.running else [])]
 
     def submit(self, job: Job) -> None:
-        """Queue a job.
-
-        Raises UsageError: another job runs and `when_busy` is refuse, or too many jobs wait.
-        """
+        """Queue a job; a UsageError where another runs and `when_busy` is refuse, or too many wait."""
         settings = self._settings()
         if self._jobs and settings.when_busy == REFUSE:
             raise UsageError("busy with another job; when_busy is refuse")
@@ -301,10 +291,7 @@ class JobQueue:
         self._wake()
 
     def _handle_event(self, worker: Worker, event: Event) -> None:
-        """Take what a worker tells of the running job: a stage, its answer, or that it has ended.
-
-        What an earlier worker tells late is nothing of this job's.
-        """
+        """Take a stage, an answer or the end from the worker; nothing from an earlier worker."""
         job = self.running
         if worker is not self._worker or job is None:
             return

@@ -76,11 +76,10 @@ class DeferredActionServer(ActionServer):
 class RequestServer:
     """Queues a job for every service request and every goal, and answers when the job has ended.
 
-    `name` is that of the service; the action adds ``_bags``, since a service and an action of one
-    name look the same in lists and in policies. The types `service` and `action` have the same
-    request fields, answers `success`, `message` and `result`, feedback `stage` and `progress`.
-    `submit` takes a request and its listener, and returns the job, or None if it was refused and
-    the listener has the reason. `cancel` takes a job. `result` returns the last message.
+    The action has the `name` of the service and ``_bags``, since equal names look the same in lists
+    and policies. Both types have the same request fields, answers `success`, `message`, `result`,
+    feedback `stage`, `progress`. `submit` returns the job, or None if it was refused and the
+    listener has the reason. `cancel` takes a job; `result` returns the last message.
     """
 
     def __init__(

@@ -47,9 +47,9 @@ def has_header(message_type: str) -> bool:
 
 @cache
 def definition(message_type: str) -> Definition | None:
-    """Return the definition of a type, from the .msg files of its package.
+    """Return the definition of a type from .msg files; None for one that rosbags knows.
 
-    None for a type that rosbags knows; a DataError where the files are missing or cannot be read.
+    Raises DataError: the files are missing or cannot be read.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
     if message_type in store.fielddefs:

@@ -99,10 +99,8 @@ class RecordingSession:
     """State machine of the recorder, with one open bag at most. Not thread-safe.
 
     `clock` returns log time, ns; nothing is recorded while it is zero. `closed` takes every closed
-    bag, and whether it is faulty or was aborted.
-
-    `fault`: one line on what is wrong and what to do; empty if nothing is. `dropped`: messages that
-    were not written since the start. `ring`: messages of the last seconds, recorded or not.
+    bag, and whether it is faulty or was aborted. `fault`: one line on what is wrong and what to do,
+    or empty. `dropped`: messages that were not written since the start.
     """
 
     def __init__(
@@ -148,10 +146,7 @@ class RecordingSession:
         return disk.f_bavail * disk.f_frsize
 
     def start(self) -> Path:
-        """Open a new bag and return its folder.
-
-        A UsageError says that a recording is going on, or that the bag cannot be made.
-        """
+        """Open a new bag and return its folder; a UsageError says why that is impossible."""
         if self.bag is not None:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
         settings = self.settings
@@ -209,10 +204,7 @@ class RecordingSession:
         return state.name.lower()
 
     def split(self) -> Path:
-        """Close the present file, go on in a new one, and return the path of the closed one.
-
-        A UsageError says that nothing is being recorded, or that the new file cannot be made.
-        """
+        """Go on in a new file and return the path of the old one; a UsageError says why not."""
         bag = self._open_bag()
         path = bag.file.path
         try:
@@ -252,10 +244,7 @@ class RecordingSession:
             )
 
     def snapshot(self) -> tuple[Path, Callable[[], ClosedBag]]:
-        """Return the folder of a new snapshot, and a function that writes it in any thread.
-
-        A UsageError says that no messages are kept, or that there is no space.
-        """
+        """Return the folder of a new snapshot and what writes it in any thread, or a UsageError."""
         if not self.ring.duration:
             raise UsageError("no snapshot: snapshot_duration is 0; set it to the seconds to keep")
         channels, messages = self.ring.content()

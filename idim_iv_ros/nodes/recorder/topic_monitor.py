@@ -24,11 +24,10 @@ _LOOKED_AT = 50
 
 
 class JointContent:
-    """Checks the content of a topic with joint messages.
+    """Checks the content of a topic with joint messages, of several parts of the robot or all.
 
-    `joints` should be in the messages (empty: any), with numbers in the fields `needed`:
-    ``position``, ``effort``. `malformed` counts messages that are not of the topic's type. Parts of
-    the robot may have separate messages.
+    `joints` should be in them (empty: any), with numbers in the fields `needed`: ``position``,
+    ``effort``. `malformed` counts messages that are not of the topic's type.
     """
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:

@@ -35,10 +35,8 @@ def commanded(
 ) -> Trajectory:
     """Return the trajectory through the points of a JointTrajectory, sampled at `rate` Hz.
 
-    `times` (n_points,) in s from the start; `positions` and `velocities` (n_points, n_joints) in
-    rad, rad/s; without velocities the points are joined by straight lines.
-
-    Raises UsageError: the points are no valid trajectory.
+    `times` (n_points,), s; `positions`, `velocities` (n_points, n_joints), rad, rad/s; without
+    velocities lines join them. Raises UsageError: the points are no valid trajectory.
     """
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
@@ -216,8 +214,7 @@ class Playback(threading.Thread):
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
         """Publish a motion from sample `first` on; return the time of the next pass, s.
 
-        It ends early where another motion waits and this one may be left: at rest, or anywhere if
-        the other one goes on from it.
+        It ends early where another motion waits and this one rests, or the other goes on from it.
         """
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
         resting = motion.at_rest(REST)

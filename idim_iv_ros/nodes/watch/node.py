@@ -46,10 +46,7 @@ ABOUT = """watch: measured and predicted efforts of a running robot, with what t
 
 
 class LivePage(ThreadingHTTPServer):
-    """HTTP server of the live page on the loopback interface; port 0 takes any free port.
-
-    Raises UsageError: the port is taken or not allowed.
-    """
+    """Server of the live page on the loopback; a UsageError where the port (0: any) is taken."""
 
     daemon_threads = True
 
@@ -218,8 +215,7 @@ def _text(number: float, form: str = ".2f") -> str:
 class Watcher:
     """Node that shows the state of the robot's other nodes, in its namespace.
 
-    `web` is the port of the page (None: a table on the terminal); `predictor` makes a predictor to
-    run in this process.
+    `web` is the port of a page (None: a table); `predictor` makes one to run in this process.
     """
 
     def __init__(
