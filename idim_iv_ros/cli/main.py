@@ -14,7 +14,10 @@ from idim_iv_ros.interruption import SIGNALS, STATUS, interruption_ends_process
 
 
 def main() -> None:
-    """Run the command line; a failure is one line on stderr (``IDIM_IV_TRACEBACK`` keeps all)."""
+    """Run the command line; every failure is one line on stderr and an exit status.
+
+    With ``IDIM_IV_TRACEBACK`` set in the environment, unexpected errors keep their traceback.
+    """
     # While the interpreter ends, there is nothing left to interrupt.
     for number in SIGNALS:
         atexit.register(signal.signal, number, signal.SIG_IGN)

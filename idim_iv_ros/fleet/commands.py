@@ -77,7 +77,10 @@ _TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
 
 @dataclass(frozen=True)
 class FleetRun:
-    """Settings of one run; a UsageError where scheduler and workers are given, or no worker."""
+    """Settings of one run over the bags of a fleet.
+
+    Raises UsageError: scheduler and workers are both given, or no worker.
+    """
 
     source: str  # manifest, folder or URL, see `find_bags`
     config: FilePath  # one configuration or a folder of them, see `robots_of`
@@ -388,7 +391,7 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
 
 
 def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
-    """Diagnose bags of one robot together, on a worker, or return why that fails; see above."""
+    """Diagnose bags of one robot together, on a worker; return the reason if that fails."""
     try:
         return diagnose([open_bag(uri) for uri in uris], robot.local())
     except IdimError as error:

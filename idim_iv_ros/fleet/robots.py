@@ -93,7 +93,7 @@ def key_of(content: str, robot: "Robot", kind: str) -> str:
 
 @dataclass(frozen=True)
 class Robot:
-    """A configuration, its URDF or MJCF (empty where the bags have it), and the `digest` of both."""
+    """A configuration, its URDF or MJCF (empty where bags have it), and the `digest` of both."""
 
     configuration: Configuration
     description: bytes

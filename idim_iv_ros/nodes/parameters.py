@@ -183,7 +183,7 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
 
 
 def read_configuration(node: Node, file: str) -> Configuration:
-    """Return the configuration in a file, as `with_topics_of_node`; a UsageError names the parameter."""
+    """Return the configuration in a file, its topics resolved; a UsageError names the parameter."""
     try:
         return with_topics_of_node(node, load_configuration(Path(file)))
     except IdimError as error:

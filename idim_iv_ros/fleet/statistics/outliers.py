@@ -122,7 +122,7 @@ def _null_p_values(robots: int) -> FloatArray:
 
 
 def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return p-values (k, m) before calibration of values and variances (k, m); see above."""
+    """Return p-values (k, m) of values and variances (k, m) before they are calibrated."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     remaining = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)

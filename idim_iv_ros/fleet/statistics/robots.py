@@ -222,7 +222,7 @@ class ComparedType:
 
 
 def compare_robots(groups: Sequence[TypeBags]) -> list[ComparedType]:
-    """Compare robots, all types at one false discovery rate: changes over time, then differences."""
+    """Compare robots at one false discovery rate: first changes over time, then differences."""
     between = [common_between_variance([(r.values, r.variances) for r in g.robots]) for g in groups]
     searched = []
     for group, variance in zip(groups, between, strict=True):

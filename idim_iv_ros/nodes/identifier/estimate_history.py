@@ -231,7 +231,7 @@ class FolderLock:
         self._open: int | None = None
 
     def take(self) -> None:
-        """Create and lock the folder; a UsageError where that fails, or another identifier has it."""
+        """Create and lock the folder; a UsageError where it cannot be, or another one has it."""
         if self._open is not None:
             return
         try:

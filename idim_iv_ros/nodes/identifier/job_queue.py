@@ -200,7 +200,7 @@ class JobQueue:
         return [*self._waiting, *([self.running] if self.running else [])]
 
     def submit(self, job: Job) -> None:
-        """Queue a job; a UsageError where another runs and `when_busy` is refuse, or too many wait."""
+        """Queue a job; a UsageError where `when_busy` is refuse and one runs, or too many wait."""
         settings = self._settings()
         if self._jobs and settings.when_busy == REFUSE:
             raise UsageError("busy with another job; when_busy is refuse")

@@ -244,7 +244,7 @@ class RecordingSession:
             )
 
     def snapshot(self) -> tuple[Path, Callable[[], ClosedBag]]:
-        """Return the folder of a new snapshot and what writes it in any thread, or a UsageError."""
+        """Return the folder of a new snapshot and what writes it; a UsageError says why not."""
         if not self.ring.duration:
             raise UsageError("no snapshot: snapshot_duration is 0; set it to the seconds to keep")
         channels, messages = self.ring.content()
