@@ -36,33 +36,25 @@ def excite_command(
     purpose: Literal["identification", "diagnosis", "servo"] = Option(
         "identification",
         "--for",
-        help="Estimate parameters, separate the causes of a gap, or identify servos "
-        "without torques (20 s).",
+        help="Estimate parameters, separate the causes of a gap, or identify servos (20 s).",
     ),
-    floor: float | None = Option(
-        None, help="Height all moving frames stay above, m in the base frame."
-    ),
+    floor: float | None = Option(None, help="Height that all frames stay above, m in the base."),
     margin: float = Option(0.9, help="Share of each limit that may be used."),
     acceleration: str | None = Option(
         None,
         metavar="A[,A…]",
-        help="Limit in rad/s² (m/s²), one or one a joint. Default: half of the torque limit on "
-        "the joint's mean inertia, and full speed in 0.1 s at most.",
+        help="Limit in rad/s² (m/s²). Default: half of the torque limit on the mean inertia.",
     ),
-    start: str | None = Option(
-        None, metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen."
-    ),
+    start: str | None = Option(None, metavar="Q,Q,…", help="Posture, rad (m). Default: chosen."),
     rate: float = Option(1000.0, help="Samples per second of the CSV."),
     criterion: Literal["condition", "precision"] = Option(
-        "condition", help="Least condition number, or least standard deviations (faster motion)."
+        "condition", help="Least condition number, or least standard deviations (faster)."
     ),
     seed: int = Option(1, min=0, help="Of the random starts, and of the multisine's phases."),
     period: float = _fourier(10.0, help="Identification: seconds of a period."),
     repeats: int = _fourier(3, help="Periods."),
     harmonics: int = _fourier(5, help="Harmonics of 1 / period."),
-    torque_noise: float = _fourier(
-        0.005, help="σ of the torque, share of each limit, to predict σ from."
-    ),
+    torque_noise: float = _fourier(0.005, help="σ of the torque, share of each limit."),
     time_limit: float = _fourier(120.0, help="Seconds for the search."),
     duration: float = Option(180.0, help="Budget in seconds.", rich_help_panel="For diagnosis"),
     force: shared.Force = False,

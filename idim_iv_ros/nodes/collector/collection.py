@@ -86,7 +86,7 @@ class Supervision:
         return elapsed > self._motion.duration + delay
 
     def planned(self, elapsed: float) -> State:
-        """Return position and velocity (n_joints,) of the reference, rad, rad/s; at rest at first."""
+        """Return position and velocity (n_joints,) of the reference, rad, rad/s; first at rest."""
         if self.delay is None:
             return self._motion.position[0], np.zeros_like(self._motion.velocity[0])
         sample = round((elapsed - self.delay) * self._motion.rate)

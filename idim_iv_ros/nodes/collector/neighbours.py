@@ -225,7 +225,7 @@ class RecorderNeighbour:
         self._call_service("start", tick)
 
     def stop(self, *, aborted: bool = False) -> Path:
-        """Have the bag closed or aborted, and return its folder; a UsageError says why it is not."""
+        """Have the bag closed or aborted, and return its folder; a UsageError says why not."""
         sleep = partial(time.sleep, LOOK)
         self._call_service("abort" if aborted else "stop", sleep)
         self._status = None  # that it records is no longer true
