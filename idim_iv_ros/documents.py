@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -32,11 +33,7 @@ D = TypeVar("D", bound="Document")
 
 
 def _null_as(number: float) -> WrapValidator:
-
-    def read(value: object, check: Callable[[object], float]) -> float:
-        return number if value is None else check(value)
-
-    return WrapValidator(read)
+    return WrapValidator(lambda value, check: number if value is None else check(value))
 
 
 # Numbers that may not exist (NaN), and ends that may be open: null in a document.
@@ -75,8 +72,7 @@ class Document:
     def to_document(self) -> dict[str, Any]:
         """Return the document as plain Python values; numbers that do not exist are None."""
         values = _adapter(type(self)).dump_python(self, by_alias=True, warnings=False)
-        document: dict[str, Any] = _plain(values)
-        return document
+        return dict(_plain(values))
 
     def to_json(self) -> str:
         """Return the document as text."""
@@ -113,7 +109,8 @@ class Document:
             )
         try:
             # From the text: a list of JSON may then stand for a tuple, and nothing for a number.
-            return _adapter(cls).validate_json(text)
+            document: D = _adapter(cls).validate_json(text)
+            return document
         except ValidationError as error:
             raise UsageError(f"{name}: {first_problem(error)}; {again}") from error
 
@@ -133,13 +130,7 @@ class _WholeSchema(GenerateJsonSchema):
         return False
 
 
-_adapters: dict[type, TypeAdapter[Any]] = {}
-
-
-def _adapter(kind: type[T]) -> TypeAdapter[T]:
-    if kind not in _adapters:
-        _adapters[kind] = TypeAdapter(kind)
-    return _adapters[kind]
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 def _plain(value: object) -> Any:

@@ -2,16 +2,10 @@
 
 A file that somebody else wrote, or changed since, is not replaced. This program's own are known so:
 
-======================  ==========================================================================
-file                    known by
-======================  ==========================================================================
-``.json``               its key ``format``, which begins with ``idim_iv_ros/``
-``.html``               ``<meta name="generator" content="idim_iv_ros">``
-``.mcap``               the library that its header names (a recorded bag is never replaced)
-``.parquet``            the key ``idim_iv_ros`` of the metadata in its footer
-``.csv``, ``.yaml``     its digest in the JSON file of the same name beside it (a motion), or in
-                        its own first line (a configuration): once edited, it is the user's
-======================  ==========================================================================
+``.json`` by its key ``format``, ``.html`` by its generator, ``.mcap`` by the library that its head
+names (a recorded bag is never replaced), ``.parquet`` by a key of its footer; ``.csv`` and
+``.yaml`` by a digest, in the JSON file of the same name beside it (a motion) or in the first line
+(a configuration): once edited, they are the user's.
 """
 
 import hashlib
@@ -23,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from idim_iv_ros.encoding import SPELT, named
 from idim_iv_ros.errors import UsageError
@@ -90,7 +84,7 @@ def is_there(path: Path) -> bool:
         return False
     except (OSError, ValueError) as error:
         shown = str(path) if len(str(path)) < 80 else f"{str(path)[:60]}…"
-        reason = error.strerror if isinstance(error, OSError) else str(error)
+        reason = getattr(error, "strerror", None) or error
         raise UsageError(f"{shown}: cannot be read: {reason}") from error
     return True
 
@@ -253,10 +247,13 @@ def _kind(path: Path) -> str | None:
 def written_by_program(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
     suffix = path.suffix.lower()
-    recognised = {".json": _marked_json, ".parquet": _marked_parquet}.get(suffix, _marked_digest)
     try:
+        if suffix == ".json":
+            return _marked_json(path) is not None
+        if suffix == ".parquet":
+            return _marked_parquet(path)
         if suffix not in _MARKS:
-            return recognised(path)
+            return _marked_digest(path)
         with path.open("rb") as file:
             return _MARKS[suffix] in file.read(_HEAD)
     except (OSError, ValueError, RecursionError):
@@ -279,22 +276,20 @@ def signed(text: str) -> str:
     return f"{_SIGNATURE}{digest(text)}\n{text}"
 
 
-def _marked_json(path: Path) -> bool:
+def _marked_json(path: Path) -> dict[str, Any] | None:
     document = json.loads(path.read_text(encoding="utf-8"))
-    return isinstance(document, dict) and str(document.get("format")).startswith(f"{PROGRAM}/")
+    stated = document.get("format") if isinstance(document, dict) else None
+    return document if str(stated).startswith(f"{PROGRAM}/") else None
 
 
 def _marked_parquet(path: Path) -> bool:
     """Whether the metadata in its footer (content, length, ``PAR1``) names this program."""
     with path.open("rb") as file:
-        end = file.seek(0, os.SEEK_END)
-        file.seek(max(0, end - 8))
-        tail = file.read(8)
-        if len(tail) < 8 or tail[4:] != b"PAR1":
-            return False
-        (size,) = struct.unpack("<I", tail[:4])
-        file.seek(max(0, end - 8 - size))
-        return PROGRAM.encode() in file.read(size)
+        end = file.seek(0, os.SEEK_END) - 8
+        file.seek(max(0, end))
+        size, mark = struct.unpack("<I4s", file.read(8).rjust(8))
+        file.seek(max(0, end - size))
+        return mark == b"PAR1" and PROGRAM.encode() in file.read(size)
 
 
 def _marked_digest(path: Path) -> bool:
@@ -303,9 +298,8 @@ def _marked_digest(path: Path) -> bool:
     if first.startswith(_SIGNATURE):
         return first.removeprefix(_SIGNATURE) == digest(rest)
     stem = path.name.split(".", 1)[0]
-    for document in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
-        if document.is_file() and _marked_json(document):
-            files = json.loads(document.read_text(encoding="utf-8")).get(FILES)
-            if isinstance(files, dict) and files.get(path.name) == digest(text):
-                return True
+    for place in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
+        files = ((_marked_json(place) if place.is_file() else None) or {}).get(FILES)
+        if isinstance(files, dict) and files.get(path.name) == digest(text):
+            return True
     return False

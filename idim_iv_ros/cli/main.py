@@ -40,7 +40,7 @@ def main() -> None:
             print("idim-iv: interrupted", file=sys.stderr)
             sys.exit(STATUS)
         except BrokenPipeError:
-            drop_stdout()
+            _drop_stdout()
             sys.exit(1)
         except MemoryError:
             complain("not enough memory; use fewer or shorter bags")
@@ -50,7 +50,7 @@ def main() -> None:
                 raise
             complain(_words(error))
             if isinstance(error, OSError) and error.filename == STDOUT:
-                drop_stdout()
+                _drop_stdout()
             sys.exit(1)
 
 
@@ -93,13 +93,13 @@ def prepare_streams() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors=SPELT)
     for name in {"write", "flush"} - set(vars(sys.stdout)):
-        setattr(sys.stdout, name, _with_file_name(STDOUT, getattr(sys.stdout, name)))
+        setattr(sys.stdout, name, _naming_stdout(getattr(sys.stdout, name)))
     columns = os.environ.get("COLUMNS", "")
     if not (columns.isdecimal() and int(columns) >= _NARROWEST):
         os.environ.pop("COLUMNS", None)
 
 
-def drop_stdout() -> None:
+def _drop_stdout() -> None:
     """Discard the buffered stdout, about which Python would complain at its exit."""
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, sys.stdout.fileno())
@@ -115,13 +115,12 @@ def complain(text: str) -> None:
     Console(stderr=True, soft_wrap=True).print(line)
 
 
-def _with_file_name(name: str, write: Callable[..., object]) -> Callable[..., object]:
-
+def _naming_stdout(write: Callable[..., object]) -> Callable[..., object]:
     def named(*arguments: object) -> object:
         try:
             return write(*arguments)
         except OSError as error:
-            error.filename = name
+            error.filename = STDOUT
             raise
 
     return named

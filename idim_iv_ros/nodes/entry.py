@@ -75,7 +75,15 @@ def run_node(
         except IdimError:
             raise
         except Exception as error:  # what rclpy raises has no common class
-            raise UsageError(_start_failure(error)) from error
+            text = one_line(error)
+            words = f"cannot start: {text}"
+            if "security libraries" in text or os.environ.get("ROS_SECURITY_ENABLE") == "true":
+                words = (
+                    f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): "
+                    "does ROS_SECURITY_KEYSTORE hold an enclave for this node, and has this ROS 2 "
+                    "DDS security (the wheels of PyPI have none)?"
+                )
+            raise UsageError(words) from error
         executor = SingleThreadedExecutor()
         executor.add_node(running.node)
         try:
@@ -94,17 +102,6 @@ def run_node(
     finally:
         try_shutdown()
     return 0
-
-
-def _start_failure(error: Exception) -> str:
-    text = one_line(error)
-    if "security libraries" not in text and os.environ.get("ROS_SECURITY_ENABLE") != "true":
-        return f"cannot start: {text}"
-    return (
-        f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): does "
-        "ROS_SECURITY_KEYSTORE hold an enclave for this node, and has this ROS 2 DDS security (the "
-        "wheels of PyPI have none)?"
-    )
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:

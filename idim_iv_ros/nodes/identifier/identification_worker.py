@@ -50,14 +50,15 @@ def _end_with_the_node() -> None:
 
 def _answer(request: Mapping[str, Any], send: Send) -> None:
     try:
-        send({"message": _work(request, send)})
-    except IdimError as error:
-        send({"error": " ".join(str(error).split())})
+        answer = {"message": _work(request, send)}
     except Exception as error:
-        if isinstance(error, MemoryError) or _NO_ROOM in str(error):
-            send({"error": "not enough memory: see memory_limit; use fewer or shorter bags"})
-        else:
-            send({"error": f"defect in idim_iv_ros ({one_line(error)})"})
+        words = f"defect in idim_iv_ros ({one_line(error)})"
+        if isinstance(error, IdimError):
+            words = " ".join(str(error).split())
+        elif isinstance(error, MemoryError) or _NO_ROOM in str(error):
+            words = "not enough memory: see memory_limit; use fewer or shorter bags"
+        answer = {"error": words}
+    send(answer)
 
 
 def _work(request: Mapping[str, Any], send: Send) -> str:

@@ -27,12 +27,8 @@ from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
-_LEVELS = {
-    "valid": DiagnosticStatus.OK,
-    "autocorrelated": DiagnosticStatus.WARN,
-    "inconclusive": DiagnosticStatus.WARN,
-    "misspecified": DiagnosticStatus.ERROR,
-}
+# Others are WARN.
+_LEVELS = {"valid": DiagnosticStatus.OK, "misspecified": DiagnosticStatus.ERROR}
 
 
 class ResultPublisher:
@@ -94,8 +90,7 @@ class ResultPublisher:
         history.add(entry, self._settings().history_length)
         self._compare(history)
         newest = self._comparisons[-1]
-        if newest.drifting:
-            names = ", ".join(drift.name for drift in newest.drifting)
+        if names := ", ".join(drift.name for drift in newest.drifting):
             self._node.get_logger().warning(f"changed since {newest.compared_with}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
@@ -121,11 +116,9 @@ class ResultPublisher:
     def _get_history(
         self, request: GetHistory.Request, response: GetHistory.Response
     ) -> GetHistory.Response:
-        response.identifications = [
-            entry.to_message()
-            for entry in ([] if self._history is None else self._history.entries)
-            if request.estimator in ("", entry.estimator)
-        ]
+        entries = [] if self._history is None else self._history.entries
+        wanted = [entry for entry in entries if request.estimator in ("", entry.estimator)]
+        response.identifications = [entry.to_message() for entry in wanted]
         return response
 
     def _set_baseline(
@@ -156,7 +149,8 @@ def _is_shown(entry: PastEstimates) -> bool:
 def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[DiagnosticStatus]:
     statuses = []
     for residual in result.residuals:
-        joint, level = residual.joint, _LEVELS[residual.verdict]
+        level = _LEVELS.get(residual.verdict, DiagnosticStatus.WARN)
+        joint = residual.joint
         values = {
             "verdict": residual.verdict,
             "bags": ", ".join(result.parameters.bags),
@@ -207,21 +201,16 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
     `bags` are relative to the bag directory, the `folder` of its files to the output directory.
     """
     joints = [joint_gap.joint for joint_gap in result.where.joints]
-    unexplained = {
-        f"unexplained_{name}": getattr(result.unexplained, name, None)
-        for name in ("joint", "family", "share", "where")
-    }
+    names = ("joint", "family", "share", "where")
     return message_of(
         msg.GapReport,
         result,
         _OTHER_NAMES,
-        **unexplained,
+        **{f"unexplained_{name}": getattr(result.unexplained, name, None) for name in names},
         header=stamp,
         joints=result.where.joints,
         regimes=result.where.regimes,
-        stages=[
-            message_of(msg.GapStage, stage, **_per_joint(stage, joints)) for stage in result.stages
-        ],
+        stages=[_stage_message(stage, joints) for stage in result.stages],
         bags=bags,
         files=[f"{folder}/{name}" for name in (GAP, REPORT)],
         duration=sum(result.timing.values()),
@@ -236,19 +225,20 @@ def result_message(
     `bags` are relative to the bag directory, the `folder` of its files to the output directory.
     """
     refined = result.refined
+    parameters = message_of(
+        msg.ParameterEstimates,
+        result,
+        header=stamp,
+        iterations=0 if result.estimator == "idim-ls" else result.iterations,
+        estimates=result.parameters,
+        covariance=result.covariance.ravel(),
+        bags=bags,
+    )
     return message_of(
         msg.IdentificationResult,
         result,
         _OTHER_NAMES,
-        parameters=message_of(
-            msg.ParameterEstimates,
-            result,
-            header=stamp,
-            iterations=0 if result.estimator == "idim-ls" else result.iterations,
-            estimates=result.parameters,
-            covariance=result.covariance.ravel(),
-            bags=bags,
-        ),
+        parameters=parameters,
         instruments=result.instruments.tests,
         instruments_source=result.instruments.source,
         specification=result.specification.tests,
@@ -276,15 +266,17 @@ def _messages(parameters: Mapping[str, EffectParameter]) -> list[msg.ParameterEs
     ]
 
 
-def _per_joint(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
+def _stage_message(stage: Stage, joints: Sequence[str]) -> msg.GapStage:
     intervals = [stage.torque_ci95.get(joint, (None, None)) for joint in joints]
-    return {
-        "stage": stage.name,
-        "torque_rms": [stage.torque_rms.get(joint) for joint in joints],
-        "torque_rms_low": [low for low, _ in intervals],
-        "torque_rms_high": [high for _, high in intervals],
-        "tracking_rms": [(stage.tracking_rms or {}).get(joint) for joint in joints],
-    }
+    return message_of(
+        msg.GapStage,
+        stage,
+        stage=stage.name,
+        torque_rms=[stage.torque_rms.get(joint) for joint in joints],
+        torque_rms_low=[low for low, _ in intervals],
+        torque_rms_high=[high for _, high in intervals],
+        tracking_rms=[(stage.tracking_rms or {}).get(joint) for joint in joints],
+    )
 
 
 def _interval_fields(name: str) -> Callable[[Any], dict[str, object]]:

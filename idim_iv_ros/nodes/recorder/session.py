@@ -3,7 +3,7 @@
 One takes messages from subscriptions and never waits for a disk, one counts and writes them.
 """
 
-import os
+import shutil
 import threading
 import time
 from collections import deque
@@ -140,10 +140,9 @@ class RecordingSession:
     def free_disk(self) -> int:
         """Return the free bytes on the disk of the bags; zero if unknown."""
         try:
-            disk = os.statvfs(self.settings.bag_directory)
+            return shutil.disk_usage(self.settings.bag_directory).free
         except OSError:
             return 0
-        return disk.f_bavail * disk.f_frsize
 
     def start(self) -> Path:
         """Open a new bag and return its folder; a UsageError says why that is impossible."""
