@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from rich.console import Console
 from typer import Option
@@ -22,12 +22,6 @@ _fourier = partial(Option, rich_help_panel="For identification")
 _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0, "servo": 100.0}
 # Between points controllers fit quintics; so many for each period of the fastest content.
 _POINTS_PER_PERIOD = 5.0
-_CONDITION_NUMBERS = {
-    "weighted": "rows over torque limit",
-    "plain": "plain, SI units",
-    "equilibrated": "weighted, columns of unit length",
-    "deviation": "mean deviation of a sample, noise of the torque limit, SI",
-}
 
 
 def excite_command(
@@ -84,16 +78,14 @@ def excite_command(
     require_place(out, force=force)
     with output.progress() as progress:
         if purpose == "diagnosis":
-            diagnosis = design_diagnosis(
-                model,
-                limits,
-                configuration,
-                duration=duration,
-                rate=rate,
-                seed=seed,
-                start=posture,
-                progress=progress,
-            )
+            how: dict[str, Any] = {
+                "duration": duration,
+                "rate": rate,
+                "seed": seed,
+                "start": posture,
+            }
+            how |= {"seed": seed, "progress": progress}
+            diagnosis = design_diagnosis(model, limits, configuration, **how)
             trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency
             document = diagnosis_document(model.robot.name, limits, diagnosis, seed)
         elif purpose == "servo":
@@ -130,14 +122,10 @@ def _print_excitation(
 
     design = excitation.design
     console.print(
-        f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
-        "parameters with friction"
+        f"{model.robot.name}: condition number of the base regressor, rows over torque limit: "
+        f"{design.after.weighted:.4g}, of random motions {design.before.weighted:.4g} (median); "
+        f"{len(model.base.names)} parameters with friction"
     )
-    rows = [
-        (words, *(f"{getattr(numbers, name):.4g}" for numbers in (design.before, design.after)))
-        for name, words in _CONDITION_NUMBERS.items()
-    ]
-    print_table(console, "", ("", ">random (median)", ">designed"), rows)
     _print_limits(console, model, limits, design.use)
     poorly = [parameter.name for parameter in excitation.parameters if parameter.bad]
     console.print(
@@ -185,10 +173,8 @@ def _print_segments(
 ) -> None:
     from idim_iv_ros.excitation.segments import NOT_REVEALED
 
-    segments = diagnosis.segments
-    console.print(
-        f"{model.robot.name}: {len(segments)} segments, {diagnosis.trajectory.duration:.4g} s"
-    )
+    segments, seconds = diagnosis.segments, diagnosis.trajectory.duration
+    console.print(f"{model.robot.name}: {len(segments)} segments, {seconds:.4g} s")
     rows = []
     for kind in dict.fromkeys(segment.kind for segment in segments):
         same = [segment for segment in segments if segment.kind == kind]

@@ -48,7 +48,7 @@ class JointTopic:
         types = joint_types(list(fields), named_field=any(fields.values()))
         depth = _NEWEST if newest else _DEPTH
         self._topic = WatchedTopic(
-            node, self.name, types, joints, list(fields), depth, best_effort=newest
+            node, self.name, types, depth, joints, list(fields), best_effort=newest
         )
         self._joints, self._fields, self._reference = list(joints), dict(fields), reference
         self.damaged = 0
@@ -120,15 +120,11 @@ class JointTopic:
 
 @dataclass(frozen=True)
 class Place:
-    """Position of a robot at one time.
+    """Position of a robot at one time."""
 
-    `position` (n_joints,): rad (m), in the order of the configuration. `heard`, `measured`:
-    monotonic times of receipt and of the stamp, s (of receipt where the stamp is by another clock).
-    """
-
-    position: FloatArray
-    heard: float
-    measured: float
+    position: FloatArray  # (n_joints,), rad (m), in the order of the configuration
+    heard: float  # monotonic time of receipt, s
+    measured: float  # of the stamp; of receipt where that is by another clock
 
 
 class JointPositions:

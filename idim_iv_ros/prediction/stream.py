@@ -70,19 +70,17 @@ class JointSamples:
 class SampleStream:
     """The newest samples of one topic, whose quantity is `name`: ``position`` or ``effort``.
 
-    `turning` (n_joints,): whether the values are positions that may wrap after one turn.
-    `restarted`: why the last `add` dropped older samples (a pause, a clock that was set), or empty.
-    `late`: number of samples left out because their stamps do not increase. `arrived`: time of the
-    last change of `reached`, ns. `rate`: of sampling, Hz; None until `measure_rate` determines it.
+    `turning` (n_joints,) are positions that may wrap after one turn.
     """
 
     def __init__(self, name: str, turning: Sequence[bool]) -> None:
         self.name, self._turning = name, np.array(turning, dtype=bool)
         self._empty = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
         self.samples = self._empty
-        self.restarted = ""
-        self.late = self.arrived = 0
-        self.rate: float | None = None
+        self.restarted = ""  # why the last `add` dropped older samples: a pause, a clock
+        self.late = 0  # samples left out because their stamps do not increase
+        self.arrived = 0  # time of the last change of `reached`, ns
+        self.rate: float | None = None  # of sampling, Hz; None until `measure_rate`
 
     def add(self, new: JointSamples, now: int) -> None:
         """Append samples in the order of their arrival, at time `now`, ns."""

@@ -45,17 +45,13 @@ _PRIORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 
 @dataclass(frozen=True)
 class Regression:
-    """Least squares from an R factor.
+    """Least squares from an R factor."""
 
-    Without `complete`, not all parameters are identifiable: dependent columns are left out of the
-    values, and the covariance is meaningless.
-    """
-
-    values: FloatArray  # (p,)
-    covariance: FloatArray  # (p, p)
+    values: FloatArray  # (p,), without dependent columns
+    covariance: FloatArray  # (p, p), meaningless where it is not complete
     squares: float  # sum of squares that is left
     dof: int  # rows less parameters
-    complete: bool
+    complete: bool  # whether all parameters are identifiable
 
 
 def regression(factor: FloatArray, rows: int) -> Regression:
@@ -92,17 +88,13 @@ class Quantity:
 
 @dataclass(frozen=True)
 class RobotBags:
-    """Usable bags of one robot: k bags in the order of time, m quantities.
-
-    Bags without a time come last. Values and variances are NaN for the parameters of a bag that
-    does not identify all of them.
-    """
+    """Usable bags of one robot: k bags in the order of time, m quantities."""
 
     robot: str
-    bags: tuple[BagResult, ...]
+    bags: tuple[BagResult, ...]  # those without a time last
     times: FloatArray  # (k,), days since 1970; NaN where unknown
     fits: tuple[Regression, ...]
-    values: FloatArray  # (k, m)
+    values: FloatArray  # (k, m); NaN for parameters of a bag that does not identify all of them
     variances: FloatArray  # (k, m)
 
     @property
@@ -113,16 +105,13 @@ class RobotBags:
 
 @dataclass(frozen=True)
 class TypeBags:
-    """Usable bags of the robots of one type.
-
-    Bags in `other_model` have other base parameters, geometry or units than most: not comparable.
-    """
+    """Usable bags of the robots of one type."""
 
     type: str
     quantities: tuple[Quantity, ...]
     parameters: int  # the first so many quantities are base parameters
     robots: tuple[RobotBags, ...]
-    other_model: tuple[BagResult, ...]
+    other_model: tuple[BagResult, ...]  # other base parameters, geometry or units than most
 
 
 def types_of(bags: Sequence[BagResult]) -> list[TypeBags]:
@@ -191,31 +180,23 @@ class OverTime:
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates of k robots of a type from all their bags, in m quantities.
+    """Estimates of k robots of a type from all their bags, in m quantities."""
 
-    `values` are of one regression over all bags, and mean logarithms for residuals; NaN where the
-    bags do not identify a parameter. `half` is half of the 95 % interval. The bags of an `unsteady`
-    robot differ more than those of other robots. Ordinary values are those to compare robots by: if
-    a quantity changed over time, its value before.
-    """
-
-    values: FloatArray  # (k, m)
-    half: FloatArray  # (k, m)
-    unsteady: BoolArray  # (k, m)
-    ordinary_values: FloatArray  # (k, m)
+    # (k, m), of one regression, and mean logarithms of residuals; NaN where not identified
+    values: FloatArray
+    half: FloatArray  # (k, m), of the 95 % interval
+    unsteady: BoolArray  # (k, m), whether bags differ more than those of other robots
+    ordinary_values: FloatArray  # (k, m), to compare by: before a change over time
     ordinary_variances: FloatArray  # (k, m)
 
 
 @dataclass(frozen=True)
 class ComparedType:
-    """All statistics of the robots of one type, in the order of `bags.robots`.
-
-    `between` is the variance between the bags of one robot beyond their noise, common to the robots
-    of the type; NaN where no robot has two bags.
-    """
+    """All statistics of the robots of one type, in the order of `bags.robots`."""
 
     bags: TypeBags
-    between: FloatArray  # (m,)
+    # (m,), variance between bags of a robot beyond their noise; NaN where none has two bags
+    between: FloatArray
     changes: Sequence[OverTime]
     estimates: Estimates
     outlying: Outlying

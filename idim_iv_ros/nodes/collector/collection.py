@@ -44,63 +44,61 @@ _UNSEEN = 1.0  # s to wait for a motion that is too small to be noticed
 State = tuple[FloatArray, FloatArray]
 
 
+@dataclass
 class Supervision:
     """Compares where a robot is with where its trajectory should have it by now.
 
     The controller begins at an unknown time after the request. Until the robot moves, any delay up
-    to `longest_delay`, s, is possible; then `delay` (None before) is the one that fits best, and
-    must hold. `start` (n_joints,) is the position at the request; a deviation of `allowed`, rad
-    (m), or more is a fault.
+    to the longest is possible; then `delay` is the one that fits best, and must hold.
     """
 
-    def __init__(
-        self, motion: Trajectory, start: FloatArray, allowed: float, longest_delay: float
-    ) -> None:
-        self._motion, self._start = motion, start
-        self._allowed, self._longest = allowed, longest_delay
-        self.delay: float | None = None
+    motion: Trajectory
+    start: FloatArray  # (n_joints,), position at the request, rad (m)
+    allowed: float  # deviation, rad (m)
+    longest_delay: float  # s
+    delay: float | None = None
 
     def look(self, elapsed: float, position: FloatArray) -> tuple[float, str]:
         """Return the largest distance from where the robot should be, rad (m), and its joint.
 
         The time `elapsed` is since the request, s; `position` (n_joints,) is measured, rad (m).
         """
-        moved = float(np.abs(position - self._start).max()) > _MOVED * self._allowed
+        moved = float(np.abs(position - self.start).max()) > _MOVED * self.allowed
         if self.delay is None and moved:
-            _, self.delay = self._nearest(elapsed, position, 0.0, self._longest)
-        low, high = 0.0, self._longest
+            _, self.delay = self._nearest(elapsed, position, 0.0, self.longest_delay)
+        low, high = 0.0, self.longest_delay
         if self.delay is not None:
             low, high = max(self.delay - _SLACK, 0.0), self.delay + _SLACK
         place, _ = self._nearest(elapsed, position, low, high)
         size = float(np.abs(position - place).max())
         # Which joint it is shows at the delay itself: the one that fits best makes them equal.
         due, _ = self._nearest(elapsed, position, self.delay or 0.0, self.delay or 0.0)
-        return size, self._motion.joints[int(np.argmax(np.abs(position - due)))]
+        return size, self.motion.joints[int(np.argmax(np.abs(position - due)))]
 
     def ended(self, elapsed: float) -> bool:
         """Return whether the motion must be over `elapsed` seconds after the request."""
-        delay = self._longest if self.delay is None else self.delay + _SLACK
-        way = np.abs(self._motion.position - self._motion.position[0]).max()
-        if way <= _MOVED * self._allowed:  # the robot may have gone all of it without being seen
+        delay = self.longest_delay if self.delay is None else self.delay + _SLACK
+        way = np.abs(self.motion.position - self.motion.position[0]).max()
+        if way <= _MOVED * self.allowed:  # the robot may have gone all of it without being seen
             delay = min(delay, _UNSEEN)
-        return elapsed > self._motion.duration + delay
+        return elapsed > self.motion.duration + delay
 
     def planned(self, elapsed: float) -> State:
         """Return position and velocity (n_joints,) of the reference, rad, rad/s; first at rest."""
         if self.delay is None:
-            return self._motion.position[0], np.zeros_like(self._motion.velocity[0])
-        sample = round((elapsed - self.delay) * self._motion.rate)
-        sample = min(max(sample, 0), len(self._motion.position) - 1)
-        return self._motion.position[sample], self._motion.velocity[sample]
+            return self.motion.position[0], np.zeros_like(self.motion.velocity[0])
+        sample = round((elapsed - self.delay) * self.motion.rate)
+        sample = min(max(sample, 0), len(self.motion.position) - 1)
+        return self.motion.position[sample], self.motion.velocity[sample]
 
     def _nearest(
         self, elapsed: float, position: FloatArray, low: float, high: float
     ) -> tuple[FloatArray, float]:
         """Return the planned position nearest to `position` of delays low … high, s; its delay."""
         delays = low + _STEP * np.arange(round((high - low) / _STEP) + 1)
-        samples = np.round((elapsed - delays) * self._motion.rate).astype(int)
-        samples = np.clip(samples, 0, len(self._motion.position) - 1)
-        places = self._motion.position[samples]
+        samples = np.round((elapsed - delays) * self.motion.rate).astype(int)
+        samples = np.clip(samples, 0, len(self.motion.position) - 1)
+        places = self.motion.position[samples]
         best = int(np.argmin(np.abs(places - position).max(axis=1)))
         return places[best], float(delays[best])
 
@@ -131,20 +129,16 @@ class HeardRobot:
 
 @dataclass
 class Collection:
-    """Carries out one goal of the collector in a thread.
+    """Carries out one goal of the collector in a thread."""
 
-    In the `goal`, zeros that stand for the node's parameters are already replaced by their values.
-    `gone` returns whether no client waits for its result. `say` takes the stage, the share done,
-    the largest tracking error of the stage and its joint.
-    """
-
-    goal: Collect.Goal
+    goal: Collect.Goal  # without zeros that stand for the node's parameters
     robot: HeardRobot
     controller: Controller
     recorder: RecorderNeighbour
     identifier: IdentifierNeighbour
     settings: Callable[[], CollectorSettings]
-    gone: Callable[[], bool]
+    gone: Callable[[], bool]  # whether no client waits for the result
+    # Takes the stage, the share done, the largest tracking error of the stage and its joint.
     say: Callable[[str, float, float, str], None]
 
     def __post_init__(self) -> None:

@@ -21,21 +21,17 @@ FILE = "history.json"
 
 @dataclass(frozen=True)
 class PastEstimates:
-    """One identification, with the fields of the message `PastIdentification`.
+    """One identification, with the fields of the message `PastIdentification`."""
 
-    `stamp` is when it ended, ns since 1970; `values` are value and standard deviation of each
-    parameter; later ones of its kind are compared with the one that is the `baseline`.
-    """
-
-    stamp: int
+    stamp: int  # when it ended, ns since 1970
     robot: str
     estimator: str
     effort_unit: str
     bags: tuple[str, ...]
     folder: str
-    values: dict[str, tuple[Number, Number]]
+    values: dict[str, tuple[Number, Number]]  # value and standard deviation of each parameter
     configuration: str = ""
-    baseline: bool = False
+    baseline: bool = False  # whether later ones of its kind are compared with it
 
     @property
     def kind(self) -> tuple[str, str, str, str]:
@@ -54,16 +50,12 @@ class PastEstimates:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The newest identification of one kind compared with its baseline.
-
-    `drifts` has one item for each parameter, none without a baseline. `since` is the stamp of the
-    first identification after which every one drifts, ns since 1970.
-    """
+    """The newest identification of one kind compared with its baseline."""
 
     newest: PastEstimates
     baseline: PastEstimates | None = None
-    drifts: tuple[Drift, ...] = ()
-    since: int | None = None
+    drifts: tuple[Drift, ...] = ()  # one for each parameter, none without a baseline
+    since: int | None = None  # stamp of the first one after which every one drifts, ns since 1970
 
     @property
     def drifting(self) -> tuple[Drift, ...]:

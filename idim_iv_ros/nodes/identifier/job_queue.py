@@ -28,47 +28,36 @@ _SIGN_OF_LIFE = 1.0  # s between two progress reports to the client, at most
 
 @dataclass(frozen=True)
 class JobListener:
-    """Callbacks of the client of a job: when it begins, while it runs, and when it has ended.
+    """Callbacks of the client of a job: when it begins, while it runs, and when it has ended."""
 
-    `progress` takes the stage and the share done, 0 to 1. `ended` is always called: with whether
-    there is a result, and with the verdict or the reason of the failure.
-    """
-
+    # Always called: whether there is a result, and the verdict or the reason of the failure.
     ended: Callable[[bool, str], None]
     started: Callable[[], None] = lambda: None
-    progress: Callable[[str, float], None] = lambda stage, share: None
+    progress: Callable[[str, float], None] = lambda stage, share: None  # 0 to 1
 
 
 @dataclass(eq=False)
 class Job:
-    """One request and its state. Times are those of the queue's clock, s.
-
-    `bags` are absolute paths inside the bag directory, `names` relative to it. `timeout` limits the
-    work, `answer_within` the time since receipt, s. `configuration_name` is as in the request;
-    empty for the node's configuration. `estimator` belongs to an identification, `without` (effects
-    that are not considered) to a diagnosis. `folder` holds the files of the job; None before it
-    runs and after it failed. `message` is the verdict or the reason of the failure. `said_at` is
-    the time of the last progress report.
-    """
+    """One request and its state. Times are those of the queue's clock, s."""
 
     task: Task
-    bags: tuple[Path, ...]
-    names: tuple[str, ...]
+    bags: tuple[Path, ...]  # absolute
+    names: tuple[str, ...]  # relative to the bag directory
     configuration: Configuration
-    timeout: float
+    timeout: float  # of the work
     listener: JobListener
-    answer_within: float = math.inf
+    answer_within: float = math.inf  # since receipt
     received: float = 0.0
-    configuration_name: str = ""
-    estimator: str = ""
-    without: tuple[str, ...] = ()
-    folder: Path | None = None
-    message: str = ""
+    configuration_name: str = ""  # as in the request; empty: the node's configuration
+    estimator: str = ""  # of an identification
+    without: tuple[str, ...] = ()  # effects that a diagnosis does not consider
+    folder: Path | None = None  # of its files; None before it runs and after it failed
+    message: str = ""  # the verdict, or the reason of the failure
     success: bool = False
     cancelled: bool = False
     stage: str = _WAITING
     share: float = 0.0
-    said_at: float = 0.0
+    said_at: float = 0.0  # when progress was reported last
 
     def say(self, stage: str, share: float, now: float) -> None:
         """Report the stage and the share done to the client of the job."""
@@ -166,23 +155,17 @@ def _resolve(path: Path, name: str) -> Path:
         raise UsageError(f"{name}: no such file") from error
 
 
+@dataclass(eq=False)
 class JobQueue:
-    """Runs one job at a time; everything but `wake` happens in the thread that calls `poll`.
+    """Runs one job at a time; everything but `wake` happens in the thread that calls `poll`."""
 
-    `wake` is called from any thread when `poll` has work to do, `ended` takes every job that has
-    ended; `clock` is monotonic, s.
-    """
+    settings: Callable[[], IdentifierSettings]
+    wake: Callable[[], None]  # called from any thread when `poll` has work to do
+    ended: Callable[[Job], None]  # takes every job that has ended
+    clock: Callable[[], float] = time.monotonic  # s
+    start_worker: StartWorker = Worker
 
-    def __init__(
-        self,
-        settings: Callable[[], IdentifierSettings],
-        wake: Callable[[], None],
-        ended: Callable[[Job], None],
-        clock: Callable[[], float] = time.monotonic,
-        start_worker: StartWorker = Worker,
-    ) -> None:
-        self._settings, self._wake, self._ended = settings, wake, ended
-        self._clock, self._start_worker = clock, start_worker
+    def __post_init__(self) -> None:
         self._waiting: deque[Job] = deque()
         self._over: deque[Job] = deque()
         self._events: queue.SimpleQueue[tuple[Worker, Event]] = queue.SimpleQueue()
@@ -201,15 +184,15 @@ class JobQueue:
 
     def submit(self, job: Job) -> None:
         """Queue a job; a UsageError where `when_busy` is refuse and one runs, or too many wait."""
-        settings = self._settings()
+        settings = self.settings()
         if self._jobs and settings.when_busy == REFUSE:
             raise UsageError("busy with another job; when_busy is refuse")
         if self.waiting >= settings.queue_limit:
             raise UsageError(f"busy: {self.waiting} jobs wait already")
         self._waiting.append(job)
-        job.received = self._clock()
+        job.received = self.clock()
         job.say(_WAITING, 0.0, job.received)
-        self._wake()
+        self.wake()
 
     def cancel(self, job: Job) -> None:
         """Cancel a job; the next `poll` reports its end."""
@@ -220,7 +203,7 @@ class JobQueue:
         """Handle events of the worker, end jobs that are too late, begin the next job."""
         while not self._events.empty():
             self._handle_event(*self._events.get())
-        now = self._clock()
+        now = self.clock()
         self._end_what_is_late(now)
         for job in self._jobs:
             if now > job.said_at + _SIGN_OF_LIFE:  # nothing was heard of it for a while
@@ -228,7 +211,7 @@ class JobQueue:
         while self.running is None and self._waiting:
             self._begin(self._waiting.popleft())
         while self._over:
-            self._ended(self._over.popleft())
+            self.ended(self._over.popleft())
 
     def end_all(self, why: str) -> None:
         """End all jobs for the reason `why`; the next `poll` reports it."""
@@ -263,10 +246,10 @@ class JobQueue:
             self._waiting.remove(job)
             job.message = why
             self._over.append(job)
-            self._wake()
+            self.wake()
 
     def _begin(self, job: Job) -> None:
-        settings = self._settings()
+        settings = self.settings()
         try:
             folder = new_folder_path(Path(settings.output_directory).resolve(), job.task)
             folder.mkdir(parents=True)
@@ -277,18 +260,18 @@ class JobQueue:
                 "file_limit": settings.max_bag_size,
             }
             job.folder = folder
-            self._worker = self._start_worker(request, self._queue_event)
+            self._worker = self.start_worker(request, self._queue_event)
         except OSError as error:
             job.message = f"cannot be begun: {error.strerror or error}"
             self._finish(job)
             return
         self.running, job.stage = job, "starting"
-        self._begun = self._clock()
+        self._begun = self.clock()
         job.listener.started()
 
     def _queue_event(self, worker: Worker, event: Event) -> None:
         self._events.put((worker, event))
-        self._wake()
+        self.wake()
 
     def _handle_event(self, worker: Worker, event: Event) -> None:
         """Take a stage, an answer or the end from the worker; nothing from an earlier worker."""
@@ -304,7 +287,7 @@ class JobQueue:
             job.message = job.message or f"the worker {how}"
             self._finish(job)
         elif "stage" in event:
-            job.say(str(event["stage"]), float(event["progress"]), self._clock())
+            job.say(str(event["stage"]), float(event["progress"]), self.clock())
         elif not job.message:  # neither cancelled nor late
             job.success = "message" in event
             job.message = str(event["message" if job.success else "error"])

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import repeat
 from operator import itemgetter
@@ -46,15 +46,15 @@ class State(IntEnum):
     WAITING_FOR_CLOCK = 4
 
 
+@dataclass
 class SnapshotRing:
-    """Messages of the last seconds, in memory. Not thread-safe.
+    """Messages of the last seconds, in memory. Not thread-safe."""
 
-    Messages are kept for `duration`, s of log time (0: none), as far as `limit` bytes of memory
-    allow; `size` is about the memory used, bytes.
-    """
+    duration: float  # s of log time for which messages are kept; 0: none
+    limit: int  # bytes of memory
+    size: int = 0  # bytes used, about
 
-    def __init__(self, duration: float, limit: int) -> None:
-        self.duration, self.limit, self.size = duration, limit, 0
+    def __post_init__(self) -> None:
         # Oldest and newest log time, memory, messages.
         self._batches: deque[tuple[int, int, int, Sequence[Message]]] = deque()
         self._channels: dict[str, TopicChannel] = {}
@@ -95,28 +95,20 @@ class SnapshotRing:
         return [self._channels[name] for name in self._channels if name in present], messages
 
 
+@dataclass
 class RecordingSession:
-    """State machine of the recorder, with one open bag at most. Not thread-safe.
+    """State machine of the recorder, with one open bag at most. Not thread-safe."""
 
-    `clock` returns log time, ns; nothing is recorded while it is zero. `closed` takes every closed
-    bag, and whether it is faulty or was aborted. `fault`: one line on what is wrong and what to do,
-    or empty. `dropped`: messages that were not written since the start.
-    """
+    settings: RecorderSettings
+    clock: Callable[[], int]  # log time, ns; nothing is recorded while it is zero
+    closed: Callable[[ClosedBag, bool], None]  # takes a bag, and whether it is not complete
+    state: State = State.IDLE
+    fault: str = ""  # one line on what is wrong and what to do
+    dropped: int = 0  # messages that were not written since the start
+    bag: GrowingBag | None = None
 
-    def __init__(
-        self,
-        settings: RecorderSettings,
-        clock: Callable[[], int],
-        closed: Callable[[ClosedBag, bool], None],
-    ) -> None:
-        self.settings = settings
-        self.state = State.IDLE
-        self.fault = ""
-        self.dropped = 0
-        self.bag: GrowingBag | None = None
-        self._clock = clock
-        self._closed = closed
-        self.ring = SnapshotRing(settings.snapshot_duration, settings.snapshot_memory)
+    def __post_init__(self) -> None:
+        self.ring = SnapshotRing(self.settings.snapshot_duration, self.settings.snapshot_memory)
         self._latched: dict[str, tuple[TopicChannel, Message]] = {}
         self._last: tuple[FileSummary, ...] = ()
         self._started = self._committed = 0.0
@@ -124,7 +116,7 @@ class RecordingSession:
     @property
     def waits(self) -> bool:
         """Return whether nothing can be recorded yet, because simulated time has not begun."""
-        return self._clock() == 0
+        return self.clock() == 0
 
     @property
     def duration(self) -> float:
@@ -161,7 +153,7 @@ class RecordingSession:
                 with suppress(FileExistsError):
                     self.bag = GrowingBag(
                         folder,
-                        self._clock,
+                        self.clock,
                         latched,
                         channels,
                         storage=PRESETS[settings.storage_preset],
@@ -301,7 +293,7 @@ class RecordingSession:
         self._last = closed.files
         self.bag = None
         self.state = State.STOPPED_BY_FAULT if faulty else State.IDLE
-        self._closed(closed, faulty or aborted)
+        self.closed(closed, faulty or aborted)
 
     def _open_bag(self) -> GrowingBag:
         if self.bag is None:
@@ -318,17 +310,13 @@ class RecordingSession:
 
 
 class WriterThread(threading.Thread):
-    """The only thread that uses a RecordingSession: counts messages and writes them.
-
-    `overrun` counts messages that were dropped because `memory_limit` was full of unprocessed
-    messages; `failure` is an unexpected error, in words.
-    """
+    """The only thread that uses a RecordingSession: counts messages and writes them."""
 
     def __init__(self, session: RecordingSession) -> None:
         super().__init__(name="writer", daemon=True)
         self.session = session
-        self.overrun = 0
-        self.failure = ""
+        self.overrun = 0  # messages dropped because `memory_limit` was full of unprocessed ones
+        self.failure = ""  # an unexpected error, in words
         self._queue: SimpleQueue[_Batch | Callable[[], None]] = SimpleQueue()
         self._queued_bytes = 0
         self._wake = threading.Event()
@@ -418,15 +406,14 @@ class _Batch(NamedTuple):
 class Intake(threading.Thread):
     """Thread that takes messages of all topics a hundred times a second for the writer.
 
-    It waits on a steady clock, so that simulated time cannot stop it. `log_time` returns the log
-    time, ns, or None for the time of receipt. `failure` says why messages could not be taken.
+    Its clock is steady. `log_time` returns the log time, ns, or None for the time of receipt.
     """
 
     def __init__(
         self, writer: WriterThread, topics: TopicSet, log_time: Callable[[], int | None]
     ) -> None:
         super().__init__(name="intake", daemon=True)
-        self.failure = ""
+        self.failure = ""  # why messages could not be taken
         self._writer, self._topics, self._log_time = writer, topics, log_time
         self._lock = threading.Lock()
         self._ended = threading.Event()

@@ -71,15 +71,12 @@ class JointContent:
 
 @dataclass(frozen=True)
 class Received:
-    """A batch of messages of one topic as the middleware handed it over.
-
-    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), or -1.
-    """
+    """A batch of messages of one topic as the middleware handed it over."""
 
     messages: list[bytes]
-    received: IntArray
-    sent: IntArray
-    sequence: IntArray
+    received: IntArray  # (n,), ns
+    sent: IntArray  # (n,), source stamps, ns
+    sequence: IntArray  # (n,), publication sequence numbers, or -1
 
 
 class TopicMonitor:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -57,38 +58,28 @@ class _NeverExecuted(CallbackGroup):
         """Do nothing: no callback is ever executed."""
 
 
+@dataclass(eq=False)
 class WatchedTopic:
-    """Subscription, channel and counts of one topic.
+    """Subscription, channel and counts of one topic, whose `name` is fully qualified."""
 
-    `name` is fully qualified. `types` are the usable message types; None: any installed type.
-    `joints`, `needed`: see JointContent. `depth`: messages that the middleware queues.
-    `best_effort`: subscribe best effort and volatile whatever the publishers offer. `problem`,
-    `note`: why the topic is not recorded, or what is unusual, or empty. `had_publishers`: whether
-    there ever was one. `too_large`: number of messages left out for their size. `substitutes`:
-    other topics that make up for this one if nobody publishes it.
-    """
+    node: Node
+    name: str
+    types: Sequence[str] | None  # usable message types; None: any installed type
+    depth: int  # messages that the middleware queues
+    joints: Sequence[str] = ()  # these and the next as in `JointContent`
+    needed: Sequence[str] = ()
+    best_effort: bool = False  # and volatile, whatever the publishers offer
+    problem: str = ""  # why the topic is not recorded
+    note: str = ""  # what is unusual
+    publishers: int = 0
+    had_publishers: bool = False  # whether there ever was one
+    too_large: int = 0  # messages left out for their size
+    # Other topics that make up for this one if nobody publishes it.
+    substitutes: "Sequence[WatchedTopic]" = ()
+    channel: TopicChannel | None = None
 
-    def __init__(
-        self,
-        node: Node,
-        name: str,
-        types: Sequence[str] | None,
-        joints: Sequence[str],
-        needed: Sequence[str],
-        depth: int,
-        *,
-        best_effort: bool = False,
-    ) -> None:
-        self.name = name
-        self.joints, self.needed = joints, needed
-        self.problem = self.note = ""
-        self.publishers = self.too_large = 0
-        self.had_publishers = False
-        self.substitutes: Sequence[WatchedTopic] = ()
+    def __post_init__(self) -> None:
         self.monitor = TopicMonitor(None, has_header=False)
-        self.channel: TopicChannel | None = None
-        self._node, self._types, self._depth = node, types, depth
-        self._best_effort = best_effort
         self._group = _NeverExecuted()
         self._lock = threading.Lock()
         self._subscription: Subscription | None = None
@@ -102,34 +93,28 @@ class WatchedTopic:
         """Return why no message came, where that is unusual; else empty."""
         if self.problem:
             return f"{self.name}: {self.problem}"
-        if self._types == [_STRING]:  # the description; a configuration may have it instead
+        if self.types == [_STRING]:  # the description; a configuration may have it instead
             return ""
         if not self.had_publishers:
             return f"nobody publishes {self.name}"
-        return f"nothing came on {self.name}" if self._types else ""
+        return f"nothing came on {self.name}" if self.types else ""
 
     def look(self) -> None:
         """Look for publishers; subscribe at the first, and anew when their QoS changes."""
-        publishers = self._node.get_publishers_info_by_topic(self.name)
-        self.publishers = len(publishers)
-        self.problem = ""
+        publishers = self.node.get_publishers_info_by_topic(self.name)
+        self.publishers, self.problem = len(publishers), ""
         if not publishers:
             return
-        if self._types is not None:
-            usable = [other for other in publishers if other.topic_type in self._types]
-            if not usable:
-                plain = " or ".join(kind for kind in self._types if kind not in ROS2_CONTROL)
-                state = ", or a state of control_msgs" if self._types != [_STRING] else ""
-                self.problem = (
-                    f"it is {publishers[0].topic_type}; {plain} is needed{state}: not recorded"
-                )
-                return
-            publishers = usable
-        message_type = publishers[0].topic_type
-        self.problem = why_unreadable(message_type)
+        offered = [publisher.topic_type for publisher in publishers]
+        wanted = [kind for kind in offered if self.types is None or kind in self.types]
+        if not wanted:
+            plain = " or ".join(kind for kind in self.types or () if kind not in ROS2_CONTROL)
+            state = ", or a state of control_msgs" if self.types != [_STRING] else ""
+            self.problem = f"it is {offered[0]}; {plain} is needed{state}: not recorded"
+        self.problem = self.problem or why_unreadable(wanted[0])
         if self.problem:
             return
-        usable = [other for other in publishers if other.topic_type == message_type]
+        usable = [other for other in publishers if other.topic_type == wanted[0]]
         self.had_publishers = True
         gids = frozenset(bytes(publisher.endpoint_gid) for publisher in usable)
         if gids != self._gids:
@@ -157,7 +142,7 @@ class WatchedTopic:
         """Unsubscribe."""
         with self._lock:
             if self._subscription is not None:
-                self._node.destroy_subscription(self._subscription)
+                self.node.destroy_subscription(self._subscription)
             self._subscription = None
 
     def _drain(self, subscription: Subscription, taken: list[Taken]) -> None:
@@ -181,13 +166,13 @@ class WatchedTopic:
         self.note = weakest if mixed else ""
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
-            depth=self._depth,
+            depth=self.depth,
             reliability=ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.VOLATILE,
         )
-        if not self._best_effort and reliabilities == {"reliable"}:
+        if not self.best_effort and reliabilities == {"reliable"}:
             profile.reliability = ReliabilityPolicy.RELIABLE
-        if not self._best_effort and self.channel.latched:
+        if not self.best_effort and self.channel.latched:
             profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
         if self._subscription is not None:
             if profile == self._profile and before == message_type:
@@ -198,12 +183,9 @@ class WatchedTopic:
             content = JointContent(message_type, self.joints, self.needed) if joints else None
             self.monitor = TopicMonitor(content, has_header=has_header(message_type))
             self.monitor.new_publishers(len(publishers))
-        self._replace(python_type(message_type), profile)
-
-    def _replace(self, kind: type, profile: QoSProfile) -> None:
-        """Replace the subscription; messages that both received are counted once."""
-        with self._lock:
-            new = self._node.create_subscription(
+        kind = python_type(message_type)
+        with self._lock:  # messages that both receive are counted once
+            new = self.node.create_subscription(
                 kind, self.name, lambda _: None, profile, callback_group=self._group, raw=True
             )
             old, self._subscription = self._subscription, new
@@ -211,7 +193,7 @@ class WatchedTopic:
                 self._drain(old, self._left)
             self._type, self._profile = kind, profile
         if old is not None:
-            self._node.destroy_subscription(old)
+            self.node.destroy_subscription(old)
 
 
 def _message_key(message: Taken) -> tuple[int | None, int | None]:
@@ -300,7 +282,7 @@ class TopicSet:
         return matches
 
     def _topic(self, name: str) -> WatchedTopic:
-        return WatchedTopic(self._node, name, None, (), (), self._depth)
+        return WatchedTopic(self._node, name, None, self._depth)
 
 
 def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
@@ -331,10 +313,10 @@ def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
         fields = sorted(quantities)
         types = joint_types(fields, named_field=name in named)
         resolved, depth = node.resolve_topic_name(name), settings.queue_depth
-        topics.append(WatchedTopic(node, resolved, types, joints, fields, depth))
+        topics.append(WatchedTopic(node, resolved, types, depth, joints, fields))
     local_and_global = (ROBOT_DESCRIPTION, in_root(ROBOT_DESCRIPTION))
     descriptions = [
-        WatchedTopic(node, name, [_STRING], (), (), _DESCRIPTIONS)
+        WatchedTopic(node, name, [_STRING], _DESCRIPTIONS)
         for name in dict.fromkeys(map(node.resolve_topic_name, local_and_global))
     ]
     for topic in descriptions:

@@ -124,21 +124,16 @@ class _Handler(BaseHTTPRequestHandler):
 
 @dataclass(frozen=True)
 class JointView:
-    """State of one joint: its status in the predictor's diagnostics, and its newest prediction.
-
-    Unknown numbers are NaN; efforts in `unit`. `share` is the RMS of the residual over the last
-    second of motion, divided by the noise floor; `level_share` over ten seconds, with its `limit`
-    from scatter and parameter uncertainty; `level` is ``good``, ``beyond`` or ``unknown``.
-    """
+    """State of one joint: its diagnostics, and its newest prediction; unknown numbers are NaN."""
 
     name: str
-    unit: str = ""
+    unit: str = ""  # of the efforts
     measured: float = math.nan
     predicted: float = math.nan
     residual: float = math.nan
-    share: float = math.nan
-    level_share: float = math.nan
-    limit: float = math.nan
+    share: float = math.nan  # RMS of the residual over noise floor, last second of motion
+    level_share: float = math.nan  # over ten seconds
+    limit: float = math.nan  # of that, by scatter and parameter uncertainty
     level: str = UNKNOWN
     sentence: str = ""
 
@@ -158,16 +153,12 @@ class JointView:
 
 @dataclass(frozen=True)
 class LiveView:
-    """State of all joints, and of the nodes in words.
-
-    `stamp` is that of the sample, `delay` the time until its prediction, s; `reason` says why
-    nothing is predicted.
-    """
+    """State of all joints, and of the nodes in words."""
 
     robot: str
-    stamp: float
-    delay: float
-    reason: str
+    stamp: float  # of the sample, s
+    delay: float  # until its prediction, s
+    reason: str  # why nothing is predicted
     joints: tuple[JointView, ...]
     nodes: dict[str, str] = field(default_factory=dict)
 
