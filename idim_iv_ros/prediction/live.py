@@ -41,8 +41,7 @@ _CONTEXT = 0.24
 class PredictionWindow:
     """Sliding window of the newest samples, k at start + k / rate: filter, predict and smooth.
 
-    `rate` is that of the grid, Hz, `start` its first stamp, ns; `lag` the time from a sample until
-    its place on the curves, s; `row_rate` that of decimated samples, Hz.
+    `rate` is that of the grid, Hz, `start` its first stamp, ns.
     """
 
     def __init__(self, identified: IdentifiedModel, rate: float, start: int) -> None:
@@ -52,10 +51,10 @@ class PredictionWindow:
         self._wait = butterworth_samples(rate, self._cutoff, self._order, CURVE_TOLERANCE)
         self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
         self._smoothing, self._smooth_wait = self._curve_filter(made.decimation_cutoff)
-        self.lag = (self._wait + self._smooth_wait) / rate
+        self.lag = (self._wait + self._smooth_wait) / rate  # s from a sample to the curves
         # The decimation of the identification at this rate: the same edge in Hz.
         self._factor = max(1, round(rate / made.row_rate))
-        self.row_rate = rate / self._factor
+        self.row_rate = rate / self._factor  # Hz
         given = identified.processing
         edge = min(given.decimation_edge * made.row_rate / self.row_rate, 1.0)
         changes = {"decimation_edge": edge, "decimation_phase": "first"}
@@ -110,8 +109,8 @@ class PredictionWindow:
     ) -> tuple[int, FloatArray, FloatArray] | None:
         """Process samples up to the stamp `until`, ns; add finished rows to `rows`.
 
-        Returns the stamp of the newest sample of the curves, ns, and its smoothed efforts, measured
-        and predicted, (n_joints,) N m (N); None while the filters fill.
+        Returns stamp, ns, and smoothed efforts of the newest sample of the curves, measured and
+        predicted, (n_joints,) N m (N); None while the filters fill.
         """
         self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
         if self.missing > 0.0:
@@ -202,10 +201,7 @@ _LEAST_ROWS = 5  # that count, behind a share
 
 @dataclass(frozen=True)
 class Prediction:
-    """One sample of the curves, and residuals over noise floor; as the message Prediction.
-
-    Arrays are (n_joints,), in N m (N); NaN where there is no number.
-    """
+    """One sample of the curves and noise shares, (n_joints,) N m (N); as message Prediction."""
 
     stamp: int  # of the predicted sample, else of the newest, ns; 0 without any
     reason: str  # why nothing is predicted; empty for a prediction
@@ -221,11 +217,7 @@ class Prediction:
 
 
 class LivePrediction:
-    """Predicts the newest sample that its filters reach, from samples as they arrive.
-
-    - `rows`: decimated residual, to judge its size by
-    - `window`: rate of the samples and lag of the filters; None while the rate is measured
-    """
+    """Predicts the newest sample that its filters reach, from samples as they arrive."""
 
     def __init__(self, identified: IdentifiedModel) -> None:
         self.identified, joints = identified, len(identified.joints)
@@ -235,9 +227,9 @@ class LivePrediction:
         self._positions = SampleStream("position", turning)
         self._efforts = SampleStream("effort", [False] * joints)
         self._streams = (self._positions, self._efforts)
-        self.window: PredictionWindow | None = None
+        self.window: PredictionWindow | None = None  # while the rate is measured
         self._why = ""
-        self.rows = ResidualRows(joints, 1.0)
+        self.rows = ResidualRows(joints, 1.0)  # decimated residual, to judge its size by
 
     @property
     def late(self) -> int:

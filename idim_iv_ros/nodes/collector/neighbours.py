@@ -259,19 +259,16 @@ class IdentifierNeighbour:
     def identify(
         self, bag: Path, estimator: str, say: Callable[[str, float], None], tick: Tick
     ) -> Any:
-        """Have a bag of the identifier's directory identified and return the result message.
+        """Have a bag identified and return the result message; a UsageError says why it is not.
 
-        `say` takes the stage and the share done; where `tick` raises, the goal is cancelled. A
-        UsageError says why the identifier refuses.
+        `say` takes the stage and the share done; where `tick` raises, the goal is cancelled.
         """
-
-        def heard(message: Any) -> None:
-            say(message.feedback.stage, message.feedback.progress)
-
         if missing := self.missing():
             raise UsageError(missing)
         goal = Identify.Goal(bags=[str(bag)], estimator=estimator)
-        sent = self._client.send_goal_async(goal, heard)
+        sent = self._client.send_goal_async(
+            goal, lambda message: say(message.feedback.stage, message.feedback.progress)
+        )
         wait_until(sent.done, _ANSWER, f"an answer of {self._name}", tick)
         result = sent.result().get_result_async()
         try:

@@ -79,26 +79,24 @@ class Received:
     sequence: IntArray  # (n,), publication sequence numbers, or -1
 
 
+@dataclass(eq=False)
 class TopicMonitor:
-    """Counts of one topic since the last reset; `clock` is monotonic time, s.
+    """Counts of one topic since the last reset.
 
     `lost`: holes in the publisher's sequence numbers; not counted while several publishers share
     the topic, since the middleware does not say which of them sent a message. `backward`: messages
     whose stamp (of the header, the source or the receipt) precedes that of the previous message.
     """
 
-    def __init__(
-        self,
-        content: JointContent | None,
-        has_header: bool,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.content = content
-        self._has_header, self._clock = has_header, clock
+    content: JointContent | None
+    has_header: bool
+    clock: Callable[[], float] = time.monotonic  # s
+
+    def __post_init__(self) -> None:
         self._periods: IntArray = np.zeros(0, dtype=np.int64)
         self._sequence: int | None = None
         self._last: list[int] | None = None  # times of the last message
-        self._arrived = clock()
+        self._arrived = self.clock()
         self.one_publisher = True
         self.reset()
 
@@ -127,13 +125,13 @@ class TopicMonitor:
     @property
     def silence(self) -> float:
         """Return the time since the last message (at first since construction), s."""
-        return self._clock() - self._arrived
+        return self.clock() - self._arrived
 
     def add(self, batch: Received, settings: RecorderSettings) -> None:
         """Count a batch; the settings define late messages and gaps."""
         if not batch.messages:
             return
-        self._arrived = self._clock()
+        self._arrived = self.clock()
         self.received += len(batch.messages)
         self.bytes += sum(map(len, batch.messages))
         late = batch.received - batch.sent > settings.late_after * 1e9
@@ -144,7 +142,7 @@ class TopicMonitor:
             self._sequence = int(batch.sequence[-1])
             self.lost += int(np.sum(steps[steps > 1] - 1)) if self.one_publisher else 0
         stamps = [batch.sent, batch.received]
-        stamps += [_header_stamps(batch.messages)] if self._has_header else []
+        stamps += [_header_stamps(batch.messages)] if self.has_header else []
         before = [times[0] for times in stamps] if self._last is None else self._last
         self._last = [int(times[-1]) for times in stamps]
         back = [np.diff(times, prepend=t) < 0 for times, t in zip(stamps, before, strict=True)]

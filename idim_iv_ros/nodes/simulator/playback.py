@@ -90,10 +90,9 @@ class MotionSimulation:
     def continued(
         self, history: FloatArray, elapsed: float, trajectory: Trajectory, seed: int
     ) -> tuple[list[JointTopic], FloatArray]:
-        """Simulate the change from a motion under way to another trajectory.
+        """Simulate the change to another trajectory, without its first `elapsed` seconds.
 
-        `history` (n_samples, n_joints) are the references since the last rest, up to the change;
-        the first `elapsed` seconds of the trajectory are left out. Returns messages and references.
+        `history` (n_samples, n_joints) are the references since the last rest, up to the change.
         """
         motion, rate = self._motion(trajectory), self.rate
         place, speed = history[-1], (history[-1] - history[-2]) * rate
@@ -145,8 +144,7 @@ class Playback(threading.Thread):
     """Thread that publishes motions in real time, and between them the robot at rest.
 
     `resting` is the robot before its first motion; the last REST seconds of any motion are at rest.
-    `publish` has a function for each topic that takes a serialised message; `clock` returns the
-    time, ns. `failure` says why messages could not be published; empty if they could.
+    `publish` has a function for the messages of each topic; `clock` returns the time, ns.
     """
 
     def __init__(
@@ -157,7 +155,7 @@ class Playback(threading.Thread):
     ) -> None:
         super().__init__(name="playback", daemon=True)
         self._motion = _Motion(resting)
-        self.failure = ""
+        self.failure = ""  # why messages could not be published
         self._publish, self._clock = publish, clock
         self._next: _Motion | None = None
         self._goes_on = False  # whether the next motion is equal to the present one up to now
@@ -212,10 +210,7 @@ class Playback(threading.Thread):
             begin = max(self._pass(self._motion, first, begin), time.monotonic() - _CATCH_UP)
 
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
-        """Publish a motion from sample `first` on; return the time of the next pass, s.
-
-        It ends early where another motion waits and this one rests, or the other goes on from it.
-        """
+        """Publish from sample `first` on, until another motion may begin; return that time, s."""
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
         resting = motion.at_rest(REST)
         for sample in range(first, motion.samples):
@@ -247,9 +242,9 @@ class _Motion:
         reference = topics[-1].time if len(topics) > 1 else topics[0].time
         self.period = float(np.mean(np.diff(reference)))
         zero = np.zeros(self.samples, dtype=np.int64)
-        self._messages = [(topic.name, serialised(topic, zero)) for topic in topics]
-        self._stamps = [
-            np.round(topic.time[: self.samples] * 1e9).astype(np.int64).tolist() for topic in topics
+        self._topics = [
+            (topic.name, serialised(topic, zero), np.round(topic.time * 1e9).astype(int).tolist())
+            for topic in topics
         ]
 
     def at_rest(self, seconds: float) -> int:
@@ -258,7 +253,7 @@ class _Motion:
 
     def stamped(self, sample: int, first: int, base: int) -> Iterator[tuple[str, bytes]]:
         """Yield topic and message of one sample; `base` is the time of sample `first`, ns."""
-        for (topic, messages), stamps in zip(self._messages, self._stamps, strict=True):
+        for topic, messages, stamps in self._topics:
             stamp = base + stamps[sample] - stamps[first]
             message = bytearray(messages[sample].tobytes())
             _STAMP.pack_into(message, _PLACE, *divmod(stamp, 1_000_000_000))
