@@ -1,5 +1,6 @@
 """The node `recorder`: writes the topics of a robot into MCAP bags."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
@@ -11,27 +12,19 @@ from rclpy.clock import ROSClock
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from idim_iv_interfaces.msg import BagClosed, RecorderStatus
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import Result, in_thread, run_node, steady_timer
-from idim_iv_ros.nodes.messages import Diagnostics
+from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status, message_of
 from idim_iv_ros.nodes.parameters import NodeProgram
-from idim_iv_ros.nodes.recorder.report import (
-    SILENT_CLOCK,
-    RecentCounts,
-    bag_closed,
-    bag_sentence,
-    recorder_diagnosis,
-    recorder_status,
-    topic_diagnosis,
-    topic_status,
-)
 from idim_iv_ros.nodes.recorder.session import Intake, RecordingSession, State, WriterThread
-from idim_iv_ros.nodes.recorder.topics import TopicSet
+from idim_iv_ros.nodes.recorder.topics import RecentCounts, TopicSet, topic_diagnosis
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers
+_CLOCK = "use_sim_time is true and /clock was not heard"
+_SILENT_CLOCK = f"{_CLOCK} yet: nothing is recorded before"
 
 ABOUT = """recorder: record the topics of a robot into MCAP bags.
 
@@ -119,7 +112,7 @@ class Recorder(NodeProgram[RecorderSettings]):
                 topic.monitor.reset()
                 topic.too_large = 0
             self._writer.overrun = 0
-            return f"recording into {folder}" + f"; {SILENT_CLOCK}" * self._session.waits
+            return f"recording into {folder}" + f"; {_SILENT_CLOCK}" * self._session.waits
 
         return self._call(start)
 
@@ -149,38 +142,102 @@ class Recorder(NodeProgram[RecorderSettings]):
         return response
 
     def _report(self) -> None:
+        """Publish ~/status, and the same in words on /diagnostics."""
         name = self.node.get_fully_qualified_name()
-        now = time.monotonic()
+        session, bag, now = self._session, self._session.bag, time.monotonic()
         seconds, self._counted_at = now - self._counted_at, now
-        statuses = []
-        topics = self._topics.topics
-        for topic in topics:
-            received = topic.monitor.received
+        counted, diagnoses = [], []
+        for topic in self._topics.topics:
+            received, content = topic.monitor.received, topic.monitor.content
             new = received - self._counted.get(topic.name, 0)
             self._counted[topic.name] = received
-            rate = (new if new >= 0 else received) / seconds
-            statuses.append(topic_status(topic, self._session, rate))
-        failure = self._writer.failure or self._intake.failure
-        status = recorder_status(self._writer, statuses, failure, self._now())
-        self._status.publish(status)
-        diagnoses = [recorder_diagnosis(name, status, self._session.ring)]
-        for topic, counted in zip(topics, statuses, strict=True):
-            recent = self._recent.setdefault(topic.name, RecentCounts()).since(counted, now)
-            diagnoses.append(topic_diagnosis(name, topic, counted, recent))
-        self._diagnostics.publish(*diagnoses)
-        if status.fault != self._fault:
-            self._fault = status.fault
-            self.node.get_logger().error(status.fault or "the fault is over")
+            status = message_of(
+                TopicStatus,
+                topic.monitor,
+                name=topic.name,
+                type=topic.channel and topic.channel.message_type,
+                publishers=topic.publishers,
+                rate=(new if new >= 0 else received) / seconds,
+                recorded=session.recorded(topic.name),
+                malformed=topic.too_large + (content.malformed if content else 0),
+            )
+            counted.append(status)
+            recent = self._recent.setdefault(topic.name, RecentCounts()).since(status, now)
+            diagnoses.append(topic_diagnosis(name, topic, status, recent))
+        failure = session.fault or self._writer.failure or self._intake.failure
+        waits = bag is not None and session.waits
+        recording = session.state == State.RECORDING
+        whole = message_of(
+            RecorderStatus,
+            None,
+            header=self._now(),
+            state=int(State.WAITING_FOR_CLOCK if waits and recording else session.state),
+            bag=bag and str(bag.folder),
+            file=bag and bag.file.path.name,
+            splits=bag and len(bag.closed),
+            duration=session.duration,
+            bytes=bag and bag.size,
+            free_disk=session.free_disk(),
+            waiting=bag and bag.file.waiting,
+            dropped=session.dropped + self._writer.overrun,
+            fault=failure or (_SILENT_CLOCK if waits else ""),
+            topics=counted,
+        )
+        self._status.publish(whole)
+        level, sentence = DiagnosticStatus.OK, State(whole.state).name.lower()
+        if whole.fault or whole.dropped:
+            level = DiagnosticStatus.ERROR
+            lost = f"{whole.dropped} messages could not be kept: memory_limit was reached"
+            sentence = whole.fault or lost
+        shown = ("bag", "file", "bytes", "waiting", "dropped")
+        values = {item: getattr(whole, item) for item in shown}
+        values |= {"duration (s)": f"{whole.duration:.1f}", "free disk (B)": whole.free_disk}
+        if session.ring.duration:
+            span, size = f"{session.ring.span:.1f}", session.ring.size
+            values |= {"in memory (s)": span, "in memory (B)": size}
+        recorder = diagnostic_status(level, f"{name}: recording", name, sentence, values)
+        self._diagnostics.publish(recorder, *diagnoses)
+        if whole.fault != self._fault:
+            self._fault = whole.fault
+            self.node.get_logger().error(whole.fault or "the fault is over")
 
     def _announce(self, closed: ClosedBag, faulty: bool = False) -> BagClosed:
-        message = bag_closed(closed, faulty, self._topics.topics, self._now())
+        monitors = [topic.monitor for topic in self._topics.topics]
+        shares = [m.received / (m.received + m.lost) for m in monitors if m.counts_lost]
+        counts = ("lost", "late", "gaps")
+        message = message_of(
+            BagClosed,
+            None,
+            header=self._now(),
+            bag=str(closed.folder),
+            files=[file.name for file in closed.files],
+            duration=closed.duration * 1e-9,
+            messages=sum(file.messages for file in closed.files),
+            arrived=min(shares, default=math.nan),
+            bytes=sum(file.size for file in closed.files),
+            complete=not faulty,
+            **{name: sum(getattr(monitor, name) for monitor in monitors) for name in counts},
+        )
         self._bags.publish(message)
         return message
 
     def _bag_ended(self, closed: ClosedBag, faulty: bool) -> None:
-        message, log = self._announce(closed, faulty), self.node.get_logger()
-        self._sentence, warns = bag_sentence(message, self._topics.topics, self._writer)
-        if warns:
+        """Announce a closed bag, and say what it holds and lacks."""
+        message, topics = self._announce(closed, faulty), self._topics.topics
+        parts = [f"{message.messages} messages in {message.duration:.1f} s"]
+        for what in ("lost", "late", "gaps"):
+            names = ", ".join(topic.name for topic in topics if getattr(topic.monitor, what))
+            parts.append(f"{getattr(message, what)} {what}" + (f" ({names})" if names else ""))
+        if not math.isnan(message.arrived):
+            # Rounded down: of a million with one lost, not all arrived.
+            parts.append(f"{math.floor(1e4 * message.arrived) / 1e2:g} % arrived")
+        troubles = [_CLOCK] if self._session.waits else []
+        if kept_out := self._session.dropped + self._writer.overrun:
+            troubles.append(f"{kept_out} arrived and could not be kept")
+        troubles += [t.absence for t in topics if t.absence and not t.monitor.received]
+        self._sentence = f"{message.bag}: {', '.join([*parts, *troubles])}"
+        log = self.node.get_logger()
+        if troubles or message.lost or message.gaps or not message.messages:
             log.warning(self._sentence)
         else:
             log.info(self._sentence)

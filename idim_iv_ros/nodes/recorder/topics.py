@@ -6,10 +6,13 @@ Subscriptions use the QoS of the publishers, and are read without an executor.
 import re
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
@@ -17,7 +20,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from idim_iv_interfaces.msg import TopicStatus
 from idim_iv_ros.configuration import SignalsSection
+from idim_iv_ros.nodes.messages import diagnostic_status
 from idim_iv_ros.nodes.parameters import read_configuration
 from idim_iv_ros.nodes.recorder.installed_types import (
     definition,
@@ -31,11 +36,22 @@ from idim_iv_ros.recording.bags.joint_message_type import FLOAT_ARRAY, JOINT_STA
 from idim_iv_ros.recording.request import ROBOT_DESCRIPTION, in_root
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel
 from idim_iv_ros.signal_source import field_of, topic_of
+from idim_iv_ros.types import IntArray
 
 _STRING = "std_msgs/msg/String"
 _AT_ONCE = 20_000  # messages that are taken in one go
 _PERIOD = 1.0  # s between two looks for topics that match
 _DESCRIPTIONS = 10  # descriptions of the robot that wait
+_SILENT = 1.0  # s, at least
+_SILENT_PERIODS = 20.0
+RECENT = 10.0  # s for which an incident is a warning; totals stay among the values
+_INCIDENTS = {
+    "lost": "lost",
+    "late": "late",
+    "malformed": "malformed or too large",
+    "backward": "stamped before the one before",
+}
+_COUNTED = ("received", "lost", "late", "gaps", "malformed", "backward")
 
 
 def joint_types(quantities: Sequence[str], *, named_field: bool) -> list[str] | None:
@@ -322,3 +338,68 @@ def signal_topics(node: Node, settings: RecorderSettings) -> list[WatchedTopic]:
     for topic in descriptions:
         topic.substitutes = [other for other in descriptions if other is not topic]
     return [*topics, *descriptions]
+
+
+class RecentCounts:
+    """Increase of the counts of a topic within the last `RECENT` seconds.
+
+    A status takes its level from these: one late message does not make a long recording faulty.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, IntArray]] = deque()
+
+    def since(self, status: TopicStatus, now: float) -> TopicStatus:
+        """Return a status with the increase of its counts; `now`, s, must not decrease."""
+        counts = np.array([getattr(status, name) for name in _COUNTED])
+        if self._seen and np.any(counts < self._seen[-1][1]):
+            self._seen.clear()  # counted from zero: a new recording, or another publisher
+        self._seen.append((now, counts))
+        while len(self._seen) > 1 and now - self._seen[1][0] >= RECENT:
+            self._seen.popleft()
+        begin, before = self._seen[0]
+        recent = counts if now - begin < RECENT else counts - before
+        rose = dict(zip(_COUNTED, recent.tolist(), strict=True))
+        return TopicStatus(rate=status.rate, longest_gap=status.longest_gap, **rose)
+
+
+def topic_diagnosis(
+    name: str, topic: WatchedTopic, status: TopicStatus, recent: TopicStatus
+) -> DiagnosticStatus:
+    """Return the status of one topic: level from the `recent` counts, values from `status`."""
+    monitor = topic.monitor
+    latched = topic.channel is None or topic.channel.latched
+    longest = max(_SILENT, _SILENT_PERIODS * (monitor.period or 0.0))
+    errors = [topic.problem] if topic.problem else []
+    if topic.had_publishers and topic.publishers == 0:
+        errors.append(f"its publisher is gone; last message {monitor.silence:.1f} s ago")
+    elif topic.had_publishers and not latched and monitor.silence > longest:
+        errors.append(f"no message for {monitor.silence:.1f} s")
+    warnings = []
+    substituted = any(other.had_publishers for other in topic.substitutes)
+    if not topic.had_publishers and not topic.problem and not substituted:
+        warnings.append("nobody publishes it")
+    if topic.note:
+        warnings.append(topic.note)
+    if topic.publishers > 1:
+        warnings.append(f"{topic.publishers} publishers: lost messages cannot be counted")
+    if monitor.content is not None:
+        warnings += monitor.content.problems
+    for counted, what in _INCIDENTS.items():
+        if count := getattr(recent, counted):
+            warnings.append(f"{count} messages {what}")
+    if recent.gaps:
+        words = f"the longest of the recording {recent.longest_gap:.3f} s"
+        warnings.append(f"{recent.gaps} gaps; {words}")
+    level = DiagnosticStatus.OK
+    if errors or warnings:
+        level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
+    sentence = "; ".join(errors + warnings) or f"{status.rate:.1f} Hz"
+    counts = ("publishers", "received", "recorded", "lost", "late", "gaps", "malformed", "bytes")
+    values = {
+        "rate (Hz)": f"{status.rate:.1f}",
+        **{name: getattr(status, name) for name in counts},
+        "longest gap (s)": f"{status.longest_gap:.4f}",
+        "backward stamps": status.backward,
+    }
+    return diagnostic_status(level, f"{name}: {topic.name}", topic.name, sentence, values)
