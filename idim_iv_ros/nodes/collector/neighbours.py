@@ -23,11 +23,8 @@ from idim_iv_ros.nodes.settings import ACTION, TOPIC
 LOOK = 0.02  # s between two looks at the robot
 
 _CODES = (
-    "INVALID_GOAL",
-    "INVALID_JOINTS",
-    "OLD_HEADER_TIMESTAMP",
-    "PATH_TOLERANCE_VIOLATED",
-    "GOAL_TOLERANCE_VIOLATED",
+    *("INVALID_GOAL", "INVALID_JOINTS", "OLD_HEADER_TIMESTAMP"),
+    *("PATH_TOLERANCE_VIOLATED", "GOAL_TOLERANCE_VIOLATED"),
 )
 _ANSWER = 15.0  # s to wait for an answer; the recorder waits ten for a disk
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
@@ -113,8 +110,29 @@ class Controller:
             return
         self._goal, self._failure = None, ""
         self._goals_sent += 1
-        answer = self._client.send_goal_async(self._kind.Goal(trajectory=message))
-        answer.add_done_callback(self._of_this_goal(self._goal_accepted))
+        number = self._goals_sent  # what comes of an earlier goal is no matter
+
+        def accepted(future: Any) -> None:
+            goal = future.result()
+            if number != self._goals_sent:  # halted before the controller had answered
+                if goal.accepted:
+                    goal.cancel_goal_async()
+            elif not goal.accepted:
+                self._failure = "the controller refuses the trajectory"
+            else:
+                self._goal = goal
+                goal.get_result_async().add_done_callback(ended)
+
+        def ended(future: Any) -> None:
+            result, kind = future.result().result, self._kind.Result
+            if number == self._goals_sent and result.error_code != kind.SUCCESSFUL:
+                names = {getattr(kind, name): name for name in _CODES}
+                code = names.get(result.error_code, str(result.error_code))
+                words = " ".join([code, *result.error_string.split()])
+                self._failure = f"the controller ends the motion: {words}"
+
+        sent = self._client.send_goal_async(self._kind.Goal(trajectory=message))
+        sent.add_done_callback(accepted)
 
     def halt(self, stop: Trajectory) -> None:
         """Bring the robot to rest: cancel the goal of the action, or send the trajectory `stop`."""
@@ -129,32 +147,6 @@ class Controller:
         """Return why the controller refused or ended the goal; empty if it did neither."""
         return self._failure if self._by_action else ""
 
-    def _of_this_goal(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback for futures that does nothing once another goal was sent."""
-        number = self._goals_sent
-
-        def call(future: Any) -> None:
-            if number == self._goals_sent:
-                callback(future.result())
-            elif callback == self._goal_accepted and future.result().accepted:
-                future.result().cancel_goal_async()  # halted before the controller had answered
-
-        return call
-
-    def _goal_accepted(self, goal: Any) -> None:
-        if not goal.accepted:
-            self._failure = "the controller refuses the trajectory"
-            return
-        self._goal = goal
-        goal.get_result_async().add_done_callback(self._of_this_goal(self._goal_ended))
-
-    def _goal_ended(self, answer: Any) -> None:
-        code = answer.result.error_code
-        if code != self._kind.Result.SUCCESSFUL:
-            names = {getattr(self._kind.Result, name): name for name in _CODES}
-            words = " ".join([names.get(code, str(code)), *answer.result.error_string.split()])
-            self._failure = f"the controller ends the motion: {words}"
-
 
 class RecorderNeighbour:
     """Services ``start``, ``stop`` and ``abort`` of the node ``recorder``, and its status.
@@ -165,10 +157,8 @@ class RecorderNeighbour:
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._clients = {
-            what: node.create_client(Trigger, f"recorder/{what}")
-            for what in ("start", "stop", "abort")
-        }
+        names = ("start", "stop", "abort")
+        self._clients = {name: node.create_client(Trigger, f"recorder/{name}") for name in names}
         self._closed: list[str] = []
         self._status: RecorderStatus | None = None
         self._heard_at, self._period = 0.0, 0.0
@@ -181,15 +171,11 @@ class RecorderNeighbour:
         for client in self._clients.values():
             if not client.service_is_ready():
                 return f"no {client.service_name}: start the recorder"
-        status = self._status
+        status, stop = self._status, self._clients["stop"].service_name
         if status is None:
             return ""
-        if silent := self._silence():
-            return silent
-        if status.state in _WRITING:
-            bag = Path(status.bag).name
-            return f"the recorder writes {bag} already: call {self._clients['stop'].service_name}"
-        return ""
+        writes = f"the recorder writes {Path(status.bag).name} already: call {stop}"
+        return self._silence() or (writes if status.state in _WRITING else "")
 
     def trouble(self) -> str:
         """Return why the bag that is recorded is incomplete; empty without a reported fault."""

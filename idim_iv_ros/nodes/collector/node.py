@@ -137,10 +137,9 @@ class Collector(NodeProgram[CollectorSettings]):
             value = getattr(request, name)
             if not math.isfinite(value) or value < 0.0:
                 raise UsageError(f"{name}: {value} is not a number from 0 on")
-        if request.estimator not in ("", *ESTIMATORS):
-            raise UsageError(
-                f"estimator {request.estimator!r} is neither {' nor '.join(ESTIMATORS)}"
-            )
+        estimator = request.estimator
+        if estimator not in ("", *ESTIMATORS):
+            raise UsageError(f"estimator {estimator!r} is neither {' nor '.join(ESTIMATORS)}")
         if request.speed_scale > 1.0:
             raise UsageError(f"speed_scale: {request.speed_scale:g} is more than 1")
         if not request.seed >= 0:
@@ -150,7 +149,7 @@ class Collector(NodeProgram[CollectorSettings]):
             speed_scale=request.speed_scale or settings.speed_scale,
             seed=request.seed or settings.motion_seed,
             identify=request.identify,
-            estimator=request.estimator,
+            estimator=estimator,
             timeout=min(request.timeout or math.inf, settings.job_timeout),
         )
 

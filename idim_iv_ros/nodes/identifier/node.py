@@ -42,10 +42,9 @@ With -p auto:=true every bag that the recorder closes is identified. Topics: ~/e
 
 
 class ManagedNode(LifecycleNode):
-    """A lifecycle node: unconfigured, inactive, active or finalized.
+    """A lifecycle node; `transitions` are functions by the name of the transition.
 
-    `transitions` maps ``configure``, ``activate`` and so on to functions, which raise IdimError if
-    the transition is impossible. A failed transition is logged and leaves the state as it was.
+    One that raises an error is logged and leaves the state as it was.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -60,8 +59,8 @@ class ManagedNode(LifecycleNode):
         """Configure and activate the node; an IdimError says why that is impossible."""
         self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
-            if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
-                assert self._failure is not None
+            trigger()  # type: ignore[no-untyped-call]
+            if self._failure is not None:
                 raise self._failure
         self._starting = False
 
