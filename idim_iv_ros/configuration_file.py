@@ -42,7 +42,11 @@ def _require_flat(path: Path, text: str) -> None:
     for event in YAML(typ="safe", pure=True).parse(text):
         where = f"{path}, line {event.start_mark.line + 1}"
         if isinstance(event, ScalarEvent):
-            _require_characters(where, event.value)
+            try:
+                event.value.encode()
+            except UnicodeEncodeError as error:  # halves of characters, which an escape can spell
+                words = f"{shortened(ascii(event.value))} is not text in UTF-8"
+                raise UsageError(f"{where}: {words}") from error
         elif isinstance(event, CollectionStartEvent):
             depth += 1
             anchored.append(event.anchor is not None or (bool(anchored) and anchored[-1]))
@@ -53,11 +57,3 @@ def _require_flat(path: Path, text: str) -> None:
             anchored.pop()
         elif isinstance(event, AliasEvent) and anchored and anchored[-1]:
             raise UsageError(f"{where}: an alias within an anchor is not allowed")
-
-
-def _require_characters(where: str, text: str) -> None:
-    """Refuse halves of characters, which an escape can spell."""
-    try:
-        text.encode()
-    except UnicodeEncodeError as error:
-        raise UsageError(f"{where}: {shortened(ascii(text))} is not text in UTF-8") from error

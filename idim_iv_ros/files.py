@@ -251,7 +251,12 @@ def written_by_program(path: Path) -> bool:
         if suffix == ".json":
             return _marked_json(path) is not None
         if suffix == ".parquet":
-            return _marked_parquet(path)
+            with path.open("rb") as file:  # metadata, its length, PAR1
+                end = file.seek(0, os.SEEK_END) - 8
+                file.seek(max(0, end))
+                size, mark = struct.unpack("<I4s", file.read(8).rjust(8))
+                file.seek(max(0, end - size))
+                return mark == b"PAR1" and PROGRAM.encode() in file.read(size)
         if suffix not in _MARKS:
             return _marked_digest(path)
         with path.open("rb") as file:
@@ -280,16 +285,6 @@ def _marked_json(path: Path) -> dict[str, Any] | None:
     document = json.loads(path.read_text(encoding="utf-8"))
     stated = document.get("format") if isinstance(document, dict) else None
     return document if str(stated).startswith(f"{PROGRAM}/") else None
-
-
-def _marked_parquet(path: Path) -> bool:
-    """Whether the metadata in its footer (content, length, ``PAR1``) names this program."""
-    with path.open("rb") as file:
-        end = file.seek(0, os.SEEK_END) - 8
-        file.seek(max(0, end))
-        size, mark = struct.unpack("<I4s", file.read(8).rjust(8))
-        file.seek(max(0, end - size))
-        return mark == b"PAR1" and PROGRAM.encode() in file.read(size)
 
 
 def _marked_digest(path: Path) -> bool:

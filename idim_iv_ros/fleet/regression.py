@@ -1,6 +1,7 @@
 """Identification of one bag: its estimate, and the R factor for regressions over many bags."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from typing import Any
@@ -136,8 +137,12 @@ def _join(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any
     if count > 1:
         checks.insert(0, f"read in {count} segments")
     given = [p.given_value for p in result.parameters if p.given_value is not None]
+    time = None  # where the first stamp is no date
+    with suppress(ValueError, OverflowError, OSError):
+        start = datetime.fromtimestamp(first.start, timezone.utc)
+        time = iso_time(start) if start.year >= _FIRST_YEAR else None
     return {
-        "time": date_of(first.start),
+        "time": time,
         "duration": sum(segment.duration for segment in segments),
         "samples": samples,
         "names": tuple(p.name for p in result.parameters),
@@ -184,12 +189,3 @@ def _values(
     inverse = scipy.linalg.solve_triangular(upper, np.eye(len(upper)))
     variance = factor[-1, -1] ** 2 / max(1, rows - len(upper))
     return inverse @ right, np.sqrt(variance * np.sum(inverse**2, axis=1))
-
-
-def date_of(stamp: float) -> str | None:
-    """Return a recording's first stamp, s since 1970, as ISO 8601; None if it is no date."""
-    try:
-        time = datetime.fromtimestamp(stamp, timezone.utc)
-    except (ValueError, OverflowError, OSError):
-        return None
-    return iso_time(time) if time.year >= _FIRST_YEAR else None

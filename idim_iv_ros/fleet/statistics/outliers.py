@@ -46,7 +46,13 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
-    simes = [np.array([_simes(row) for row in p_values]) for p_values in groups]
+    simes = []  # p-values of all quantities of a unit together
+    for p_values in groups:
+        ordered = np.sort(p_values, axis=1)  # NaN last
+        counts = np.isfinite(ordered).sum(axis=1, keepdims=True)
+        ranks = np.arange(1, p_values.shape[1] + 1)
+        smallest = np.min(ordered * counts / ranks, axis=1, initial=np.inf, where=ranks <= counts)
+        simes.append(np.where(counts[:, 0] > 0, np.minimum(smallest, 1.0), np.nan))
     units = np.concatenate([np.zeros(0), *simes])
     chosen = _benjamini_hochberg(units, level)
     within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
@@ -67,15 +73,6 @@ def _benjamini_hochberg(p_values: FloatArray, level: float) -> BoolArray:
     if tested.any():
         rejected[tested] = scipy.stats.false_discovery_control(p_values[tested]) <= level
     return rejected
-
-
-def _simes(p_values: FloatArray) -> float:
-    """Return Simes' p-value of all hypotheses with p-values (m,); NaN where none was tested."""
-    ordered = np.sort(p_values[np.isfinite(p_values)])
-    if not len(ordered):
-        return float("nan")
-    ranks = np.arange(1, len(ordered) + 1)
-    return float(min(1.0, np.min(ordered * len(ordered) / ranks)))
 
 
 @dataclass(frozen=True)

@@ -143,15 +143,8 @@ def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
     return TypeBags(name, tuple(quantities), len(first.names), tuple(robots), other_model)
 
 
-def _days_of(time: str | None) -> float:
-    try:
-        return math.nan if time is None else time_of(time).timestamp() / DAY
-    except ValueError:
-        return math.nan
-
-
 def _robot(bags: Sequence[BagResult], robot: str, joints: Sequence[str]) -> RobotBags:
-    dated = [(_days_of(bag.time), bag) for bag in bags]
+    dated = [(time_of(bag.time).timestamp() / DAY if bag.time else math.nan, bag) for bag in bags]
     dated.sort(key=lambda pair: (math.isnan(pair[0]), pair[0], pair[1].uri))
     times, bags = np.array([days for days, _ in dated]), [bag for _, bag in dated]
     fits = tuple(regression(bag.r_factor, bag.rows) for bag in bags)

@@ -23,7 +23,7 @@ from idim_iv_ros.nodes.collector.neighbours import (
     RecorderNeighbour,
 )
 from idim_iv_ros.nodes.entry import Result, in_thread
-from idim_iv_ros.nodes.joint_topic import JointPositions, Place
+from idim_iv_ros.nodes.joint_topic import JointPositions
 from idim_iv_ros.nodes.parameters import read_configuration
 from idim_iv_ros.nodes.settings import CollectorSettings
 from idim_iv_ros.types import FloatArray
@@ -324,7 +324,10 @@ class Collection:
                 )
                 if watch.delay is None:
                     problem += "; the robot does not move: does its controller run?"
-                return problem, (place.position, _speed(before, place))
+                speed = np.zeros_like(place.position)
+                if before is not None and place.measured > before.measured:
+                    speed = (place.position - before.position) / (place.measured - before.measured)
+                return problem, (place.position, speed)
             if before is None or place.measured > before.measured + 2.0 * LOOK:
                 before = place
             self._done = done + min(elapsed, duration)
@@ -399,10 +402,3 @@ class Collection:
         if now > self._said + _SIGN_OF_LIFE:
             self._said = now
             self.say(self._stage, min(self._done / self._whole, 1.0), self._worst, self._joint)
-
-
-def _speed(before: Place | None, now: Place) -> FloatArray:
-    """Return the mean velocity between two positions, rad/s (m/s); zero for equal times."""
-    if before is None or now.measured <= before.measured:
-        return np.zeros_like(now.position)
-    return np.asarray((now.position - before.position) / (now.measured - before.measured))

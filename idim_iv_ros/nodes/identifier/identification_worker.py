@@ -35,17 +35,17 @@ def do_job(request: Mapping[str, Any], events: Connection) -> None:
 
     When the node ends, this process and its children are killed: no job outlives the node.
     """
-    os.setsid()  # it is killed with what it started
-    threading.Thread(target=_end_with_the_node, daemon=True).start()
-    with contextlib.suppress(BrokenPipeError):
-        _answer(request, events.send)
-
-
-def _end_with_the_node() -> None:
     node = multiprocessing.parent_process()
     assert node is not None
-    node.join()
-    os.killpg(0, signal.SIGKILL)
+
+    def end_with_the_node() -> None:
+        node.join()
+        os.killpg(0, signal.SIGKILL)
+
+    os.setsid()  # it is killed with what it started
+    threading.Thread(target=end_with_the_node, daemon=True).start()
+    with contextlib.suppress(BrokenPipeError):
+        _answer(request, events.send)
 
 
 def _answer(request: Mapping[str, Any], send: Send) -> None:

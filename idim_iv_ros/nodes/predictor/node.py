@@ -76,7 +76,14 @@ class Predictor(NodeProgram[PredictorSettings]):
         if path is not None:
             self._describe(read_urdf_file(path), str(path))
         self._announce_kept()
-        self._topics = self._joint_topics()
+        signals, resolve = self._configuration.signals, node.resolve_topic_name
+        efforts = signals.effort_topic or signals.joint_states
+        fields: dict[str, dict[str, str | None]] = {}  # of one topic where both share it
+        for quantity, source in (("position", signals.joint_states), ("effort", efforts)):
+            fields.setdefault(resolve(topic_of(source)), {})[quantity] = field_of(source)
+        self._topics = [
+            JointTopic(node, name, self._joints, named) for name, named in fields.items()
+        ]
         self._newest = Prediction.absent(len(self._joints), "nothing has arrived")
         self._predictions = node.create_publisher(msg.Prediction, "~/prediction", 10)
         self._markers = node.create_publisher(MarkerArray, "~/residual_markers", 1)
@@ -101,15 +108,6 @@ class Predictor(NodeProgram[PredictorSettings]):
         for topic in self._topics:
             topic.close()
         super().close()
-
-    def _joint_topics(self) -> list[JointTopic]:
-        """Return the subscriptions to positions and efforts; one if they share a topic."""
-        signals, resolve = self._configuration.signals, self.node.resolve_topic_name
-        efforts = signals.effort_topic or signals.joint_states
-        fields: dict[str, dict[str, str | None]] = {}
-        for quantity, source in (("position", signals.joint_states), ("effort", efforts)):
-            fields.setdefault(resolve(topic_of(source)), {})[quantity] = field_of(source)
-        return [JointTopic(self.node, name, self._joints, named) for name, named in fields.items()]
 
     def _describe(self, text: str, source: str) -> None:
         model = build_inverse_model(self._configuration, text, source)

@@ -173,7 +173,15 @@ class WatchedTopic:
     def _subscribe(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Subscribe as reliable or transient local only if all publishers are, as rosbag2."""
         message_type = publishers[0].topic_type
-        offered = tuple(_offered_qos(publisher) for publisher in publishers)
+        reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+        offered = tuple(
+            OfferedQos(
+                "reliable" if qos.reliability == reliable else "best_effort",
+                "transient_local" if qos.durability == latched else "volatile",
+                qos.depth or 10,
+            )
+            for qos in (publisher.qos_profile for publisher in publishers)
+        )
         before = self.channel and self.channel.message_type
         self.channel = TopicChannel(self.name, message_type, offered, definition(message_type))
         reliabilities = {qos.reliability for qos in offered}
@@ -187,9 +195,9 @@ class WatchedTopic:
             durability=DurabilityPolicy.VOLATILE,
         )
         if not self.best_effort and reliabilities == {"reliable"}:
-            profile.reliability = ReliabilityPolicy.RELIABLE
+            profile.reliability = reliable
         if not self.best_effort and self.channel.latched:
-            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            profile.durability = latched
         if self._subscription is not None:
             if profile == self._profile and before == message_type:
                 return
@@ -214,15 +222,6 @@ class WatchedTopic:
 
 def _message_key(message: Taken) -> tuple[int | None, int | None]:
     return message[1]["source_timestamp"], message[1]["publication_sequence_number"]
-
-
-def _offered_qos(publisher: TopicEndpointInfo) -> OfferedQos:
-    qos = publisher.qos_profile
-    return OfferedQos(
-        "reliable" if qos.reliability == ReliabilityPolicy.RELIABLE else "best_effort",
-        "transient_local" if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
-        qos.depth or 10,
-    )
 
 
 class TopicSet:

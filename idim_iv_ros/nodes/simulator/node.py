@@ -50,8 +50,14 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("robot_simulator"), SimulatorSettings, arguments)
         node = self.node
-        self._simulation = _load_simulation(Path(self._settings.configuration))
-        robot = self._simulation.robot
+        configuration = load_configuration(Path(self._settings.configuration))
+        period = configuration.controller.period
+        rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
+        if rate > _FASTEST + 1e-6:
+            where = f"{configuration.source}: simulated_robot.rate"
+            raise UsageError(f"{where}: {rate:g} Hz; at most {_FASTEST:g} Hz in real time")
+        robot = simulated_robot(configuration)
+        self._simulation = MotionSimulation(robot, float(rate))
         middle = 0.5 * (robot.robot.limits.lower + robot.robot.limits.upper)
         self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
         texts = {ROBOT_DESCRIPTION: robot.description, "~/truth": json.dumps(robot.truth)}
@@ -202,17 +208,6 @@ def _requested_trajectory(message: JointTrajectory, rate: float) -> Trajectory:
     if all(len(point.velocities) == len(point.positions) for point in points):
         velocities = np.array([point.velocities for point in points], dtype=float)
     return commanded(joints, np.array(times, dtype=float), positions, velocities, rate)
-
-
-def _load_simulation(path: Path) -> MotionSimulation:
-    configuration = load_configuration(path)
-    period = configuration.controller.period
-    rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
-    if rate > _FASTEST + 1e-6:
-        raise UsageError(
-            f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
-        )
-    return MotionSimulation(simulated_robot(configuration), float(rate))
 
 
 run = partial(run_node, "robot_simulator", RobotSimulator, ABOUT)

@@ -265,14 +265,14 @@ class Watcher:
             elif node == f"{namespace}/identifier" and what == "identification":
                 self._nodes["identifier"] = status.message
 
+    def _take_drift(self, message: DriftReport) -> None:
+        self._nodes["drift of parameters"] = message.message
+
     def _take_status(self, message: RecorderStatus) -> None:
         words = _STATES[message.state] if message.state < len(_STATES) else "unknown"
         if message.bag and message.state:
             words = f"{words} {message.bag}, {message.duration:.0f} s"
         self._nodes["recorder"] = f"{words}: {message.fault}" if message.fault else words
-
-    def _take_drift(self, message: DriftReport) -> None:
-        self._nodes["drift of parameters"] = message.message
 
     def _view(self) -> LiveView:
         message, nodes = self._prediction, dict(self._nodes)
