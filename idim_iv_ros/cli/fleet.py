@@ -98,8 +98,7 @@ def fleet_command(
 
 
 def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
-    from idim_iv_ros.fleet.robots import path_of
-    from idim_iv_ros.fleet.source import is_local, local_path
+    from idim_iv_ros.fleet.source import is_local, local_path, path_of
 
     config = Path(run.config)
     for bag in answer.bags:

@@ -25,16 +25,20 @@ from idim_iv_ros.files import FilePath, refused_if_unwritable, write_together
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.regression import bag_fields
 from idim_iv_ros.fleet.result import BagResult, CauseSummary, FleetResult, GapSummary, Status
-from idim_iv_ros.fleet.robots import Robot, code_version, content_of, key_of, robots_of
 from idim_iv_ros.fleet.source import (
     INSTALL,
     BagEntry,
+    Robot,
     StoreError,
+    code_version,
+    content_of,
     file_system,
     find_bags,
     is_local,
+    key_of,
     local_path,
     open_bag,
+    robots_of,
 )
 from idim_iv_ros.fleet.statistics.common_causes import is_nothing
 from idim_iv_ros.identification.prepare import configured_request

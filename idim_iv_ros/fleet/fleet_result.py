@@ -21,8 +21,8 @@ from idim_iv_ros.fleet.result import (
     RobotQuantity,
     Screened,
     TypeQuantity,
+    iso_time,
 )
-from idim_iv_ros.fleet.source import iso_time
 from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
 from idim_iv_ros.fleet.statistics.outliers import FALSE_DISCOVERIES
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS

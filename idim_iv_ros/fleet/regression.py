@@ -13,8 +13,7 @@ from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import r_factor, stacked_r_factor
-from idim_iv_ros.fleet.result import JointNoise
-from idim_iv_ros.fleet.source import iso_time
+from idim_iv_ros.fleet.result import JointNoise, iso_time
 from idim_iv_ros.identification.assembly import Identified, assemble_result
 from idim_iv_ros.identification.identify import identified
 from idim_iv_ros.identification.prepare import loss_sentences

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -12,7 +13,6 @@ from idim_iv_ros.diagnosis.result.document import Verdict as GapVerdict
 from idim_iv_ros.documents import Document, Matrix, Number
 from idim_iv_ros.effects.cause import EffectParameter, Kind
 from idim_iv_ros.files import complete_files, refused_if_unwritable
-from idim_iv_ros.fleet.source import time_of
 from idim_iv_ros.identification.result import Estimator
 from idim_iv_ros.statistics.verdict import Verdict
 
@@ -329,6 +329,20 @@ class FleetResult(Document):
     bags: tuple[FleetBag, ...]
     screen: tuple[Screened, ...]
     software: dict[str, str] = field(default_factory=dict)
+
+
+def time_of(text: str) -> datetime:
+    """Return the time in an ISO 8601 text, UTC where it names no zone; ValueError if it is none."""
+    # Python 3.10 knows no Z.
+    time = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text)
+    return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
+
+
+def iso_time(time: datetime) -> str:
+    """Return a time as ``2026-03-01T12:00:00Z``; a time without zone is UTC."""
+    time = time if time.tzinfo else time.replace(tzinfo=timezone.utc)
+    text = time.astimezone(timezone.utc).isoformat(timespec="microseconds")
+    return text.replace("+00:00", "Z").replace(".000000Z", "Z")
 
 
 def write_table(results: Sequence[BagResult], path: Path) -> None:

@@ -11,7 +11,7 @@ from idim_iv_ros.errors import IdimError
 from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic, joint_types
-from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.prediction.live import JointSamples
 from idim_iv_ros.recording.bags.bag_file import MessageBatch
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, SchemaText
 from idim_iv_ros.recording.bags.joint_messages import JointMessageReader

@@ -28,14 +28,14 @@ from idim_iv_ros.fleet.commands import (
 )
 from idim_iv_ros.fleet.regression import bag_fields
 from idim_iv_ros.fleet.result import TABLE, BagResult, write_table
-from idim_iv_ros.fleet.robots import (
+from idim_iv_ros.fleet.source import (
     Robot,
     code_version,
     configuration_digest,
     content_of,
+    find_bags,
     robots_of,
 )
-from idim_iv_ros.fleet.source import find_bags
 from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag

@@ -17,8 +17,7 @@ import scipy
 
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis
 from idim_iv_ros.fleet.regression import stacked
-from idim_iv_ros.fleet.result import BagResult
-from idim_iv_ros.fleet.source import time_of
+from idim_iv_ros.fleet.result import BagResult, time_of
 from idim_iv_ros.fleet.statistics.outliers import Outlying, choose, outlying
 from idim_iv_ros.fleet.statistics.random_effects import (
     LEVEL,
