@@ -42,11 +42,8 @@ def main() -> None:
         except BrokenPipeError:
             _drop_stdout()
             sys.exit(1)
-        except MemoryError:
-            complain("not enough memory; use fewer or shorter bags")
-            sys.exit(1)
         except Exception as error:
-            if os.environ.get("IDIM_IV_TRACEBACK"):
+            if os.environ.get("IDIM_IV_TRACEBACK") and not isinstance(error, MemoryError):
                 raise
             complain(_words(error))
             if isinstance(error, OSError) and error.filename == STDOUT:
@@ -56,6 +53,8 @@ def main() -> None:
 
 def _words(error: Exception) -> str:
     """Return an error in words; a refusal of the operating system is not called a defect."""
+    if isinstance(error, MemoryError):
+        return "not enough memory; use fewer or shorter bags"
     if isinstance(error, OSError):
         where = "" if error.filename is None else f"{error.filename}: "
         return f"{where}{error.strerror or error}"

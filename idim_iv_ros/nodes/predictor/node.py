@@ -275,24 +275,21 @@ def residual_markers(
     """
     markers = []
     for number, (link, joint, share) in enumerate(zip(links, joints, shares, strict=True)):
-        sphere = _marker(link, "residual", number, Marker.SPHERE)
+        sphere = Marker(ns="residual", id=number, type=Marker.SPHERE)
         sphere.scale.x = sphere.scale.y = sphere.scale.z = _DIAMETER
         sphere.color = ColorRGBA(**dict(zip("rgb", colour_of(share), strict=True)), a=_ALPHA)
-        text = _marker(link, "share", number, Marker.TEXT_VIEW_FACING)
+        text = Marker(ns="share", id=number, type=Marker.TEXT_VIEW_FACING)
         text.pose.position.z = _LIFT
         text.scale.z = _TEXT
         text.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
         text.text = f"{joint} {share:.1f}×" if math.isfinite(share) else f"{joint} –"
-        markers += [sphere, text]
+        for marker in (sphere, text):
+            marker.action, marker.frame_locked = Marker.ADD, True
+            marker.header.frame_id = link  # its stamp stays zero: where the link is now
+            marker.pose.orientation.w = 1.0
+            marker.lifetime.sec = 2
+            markers.append(marker)
     return MarkerArray(markers=markers)
-
-
-def _marker(frame: str, namespace: str, number: int, kind: int) -> Marker:
-    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD, frame_locked=True)
-    marker.header.frame_id = frame  # its stamp stays zero: where the link is now
-    marker.pose.orientation.w = 1.0
-    marker.lifetime.sec = 2
-    return marker
 
 
 run = partial(run_node, "predictor", Predictor, ABOUT)

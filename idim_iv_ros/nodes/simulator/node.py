@@ -4,7 +4,8 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
@@ -135,7 +136,7 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
                     lead *= 2.0
                 playback.play(self._from_rest(trajectory))
 
-        self._plan_in_thread(replace)
+        in_thread(replace, "planning").add_done_callback(self._planned)
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         playback, settings = self._playback, self._settings
@@ -157,22 +158,16 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             response.message = "busy: the robot is moving; wait until it rests"
         else:
             response.success, response.message = True, "planning, then moving"
-            self._plan_in_thread(play)
+            in_thread(play, "planning").add_done_callback(self._planned)
         return response
 
     def _not_ready(self) -> str:
         return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
 
-    def _plan_in_thread(self, plan: Callable[[], None]) -> None:
-        def work() -> None:
-            try:
-                plan()
-            except IdimError as error:
-                self._problem = str(error)
-            except Exception as error:  # the next motion may be one that can be planned
-                self._problem = f"defect in idim_iv_ros ({one_line(error)})"
-
-        in_thread(work, "planning")
+    def _planned(self, done: Future[None]) -> None:
+        if (error := done.exception()) is not None:  # the next motion may be one that can be
+            defect = f"defect in idim_iv_ros ({one_line(error)})"
+            self._problem = str(error) if isinstance(error, IdimError) else defect
 
     def _random_motion(self, duration: float, seed: int) -> Trajectory:
         configuration, rate = self._simulation.robot.configuration, self._simulation.rate
