@@ -15,8 +15,7 @@ from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.identification.prepare import prepare, read_configured
 from idim_iv_ros.model import build_inverse_model, read_urdf_file
 from idim_iv_ros.prediction.identified_model import IdentifiedModel, identified_model, joint_levels
-from idim_iv_ros.prediction.live import LivePrediction
-from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.prediction.live import JointSamples, LivePrediction
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.simulators.recording import simulate
 from idim_iv_ros.types import FloatArray

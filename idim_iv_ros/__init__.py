@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from idim_iv_ros.excitation.excite import excite
     from idim_iv_ros.excitation.trajectory import Trajectory, read_trajectory
     from idim_iv_ros.first_configuration.proposal import propose_configuration, write_configuration
-    from idim_iv_ros.fleet.commands import Fleet, diagnose_fleet, identify_fleet
-    from idim_iv_ros.fleet.run import FleetRun
+    from idim_iv_ros.fleet.commands import Fleet, FleetRun, diagnose_fleet, identify_fleet
     from idim_iv_ros.identification.check import CheckReport, check
     from idim_iv_ros.identification.identify import identify, identify_recordings
     from idim_iv_ros.identification.result import IdentificationResult
@@ -33,41 +32,14 @@ if TYPE_CHECKING:
     from idim_iv_ros.simulators.replay_result import ReplayResult
 
 __all__ = [
-    "CheckReport",
-    "Configuration",
-    "DataError",
-    "Exported",
-    "Fleet",
-    "FleetRun",
-    "GapResult",
-    "IdentificationResult",
-    "IdimError",
-    "Recording",
-    "ReplayResult",
-    "ServoResult",
-    "Trajectory",
-    "UsageError",
-    "check",
-    "diagnose",
-    "diagnose_fleet",
-    "excite",
-    "export",
-    "identify",
-    "identify_fleet",
-    "identify_recordings",
-    "identify_servos",
-    "import_table",
-    "load_configuration",
-    "propose_configuration",
-    "read_recordings",
-    "read_trajectory",
-    "replay_bags",
-    "write_bag",
-    "write_configuration",
-    "write_gap_report",
-    "write_replay_report",
-    "write_report",
-]
+    "CheckReport", "Configuration", "DataError", "Exported", "Fleet", "FleetRun", "GapResult",
+    "IdentificationResult", "IdimError", "Recording", "ReplayResult", "ServoResult",
+    "Trajectory", "UsageError", "check", "diagnose", "diagnose_fleet", "excite", "export",
+    "identify", "identify_fleet", "identify_recordings", "identify_servos", "import_table",
+    "load_configuration", "propose_configuration", "read_recordings", "read_trajectory",
+    "replay_bags", "write_bag", "write_configuration", "write_gap_report",
+    "write_replay_report", "write_report",
+]  # fmt: skip
 
 _MODULES = {
     "configuration": ("Configuration", "load_configuration"),
@@ -78,8 +50,7 @@ _MODULES = {
     "first_configuration.proposal": ("propose_configuration", "write_configuration"),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result.document": ("GapResult",),
-    "fleet.commands": ("Fleet", "diagnose_fleet", "identify_fleet"),
-    "fleet.run": ("FleetRun",),
+    "fleet.commands": ("Fleet", "FleetRun", "diagnose_fleet", "identify_fleet"),
     "identification.identify": ("identify", "identify_recordings"),
     "recording.read": ("read_recordings",),
     "recording.recording": ("Recording",),

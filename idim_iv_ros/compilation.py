@@ -1,5 +1,6 @@
-"""How numbers are computed: compiled loops and their cache, and linear algebra in one thread."""
+"""How numbers are computed: compiled loops, their cache, one thread, and freed memory."""
 
+import ctypes
 import hashlib
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -19,12 +20,10 @@ entry = njit(**_OPTIONS | {"cache": True, "nogil": True})
 
 
 def source_digest(*modules: ModuleType) -> str:
-    """Digest of the modules' source text.
+    """Digest of the modules' source text, which becomes part of the key of numba's cache.
 
-    numba's cache watches only the file of the function that Python calls; after an edit in
-    another file it would run stale machine code. Closed over by that function, the digest
-    becomes part of the cache's key. Only the functions that Python calls are cached (`entry`);
-    those that they call are not (`kernel`).
+    That watches only the file of the function that Python calls (`entry`), and after an edit in
+    another file would run stale machine code. Functions that these call are not cached (`kernel`).
     """
     digest = hashlib.sha256()
     for module in modules:
@@ -35,8 +34,7 @@ def source_digest(*modules: ModuleType) -> str:
 def one_thread() -> AbstractContextManager[object]:
     """One thread for linear algebra: its matrices are small, and waiting for threads is not.
 
-    Results then do not depend on the number of cores either. The limit holds for the libraries
-    that are loaded: scipy's comes with `scipy.linalg`, which is therefore imported here.
+    The limit holds for libraries that are loaded: scipy's comes with `scipy.linalg`, imported here.
     """
     import scipy.linalg  # noqa: F401
 
@@ -47,11 +45,8 @@ def one_thread() -> AbstractContextManager[object]:
 def dispatcher(functions: Mapping[int, Callable[..., Any]], arguments: str) -> Callable[..., Any]:
     """Return a compiled ``f(kind, …)`` that calls the compiled function of a kind.
 
-    numba cannot call what it finds in a list at run time: the branches are written out, and as
-    machine code they are those of a function that was written by hand.
-
-    - `functions`: by kind; `f` must be called with none but these
-    - `arguments`: names of what they take, separated by commas
+    `functions` are by kind, none but these; `arguments` their names, separated by commas. numba
+    cannot call what it finds in a list at run time: the branches are written out.
     """
     *others, last = functions
     calls = [f"    if kind == {kind}:\n        return f{kind}({arguments})" for kind in others]
@@ -60,3 +55,10 @@ def dispatcher(functions: Mapping[int, Callable[..., Any]], arguments: str) -> C
     exec("\n".join(lines), names)
     compiled: Callable[..., Any] = kernel(names["call"])
     return compiled
+
+
+def return_freed_memory() -> None:
+    """Give back the pages that glibc keeps of freed arrays, a tenth of a diagnosis' memory."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)

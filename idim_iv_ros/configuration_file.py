@@ -17,10 +17,7 @@ _DEEPEST = 20
 
 
 def read_mapping(path: Path) -> dict[Any, Any]:
-    """Read a YAML file that holds one mapping.
-
-    Raises UsageError: file missing, unreadable, too large, no text, broken YAML, or no mapping.
-    """
+    """Read a YAML file that holds one mapping; a UsageError says what is wrong with it."""
     text = read_text(path, "the configuration", megabytes=_LARGEST_FILE)
     try:
         _require_flat(path, text)
@@ -39,16 +36,17 @@ def read_mapping(path: Path) -> dict[Any, Any]:
 
 
 def _require_flat(path: Path, text: str) -> None:
-    """Refuse what makes a short text endless: deep nesting, and references within references.
-
-    And characters that cannot be written again.
-    """
+    """Refuse deep nesting, references within references, and characters that are no text."""
     depth = 0
     anchored: list[bool] = []  # of each open collection, whether it or one around it is anchored
     for event in YAML(typ="safe", pure=True).parse(text):
         where = f"{path}, line {event.start_mark.line + 1}"
         if isinstance(event, ScalarEvent):
-            _require_characters(where, event.value)
+            try:
+                event.value.encode()
+            except UnicodeEncodeError as error:  # halves of characters, which an escape can spell
+                words = f"{shortened(ascii(event.value))} is not text in UTF-8"
+                raise UsageError(f"{where}: {words}") from error
         elif isinstance(event, CollectionStartEvent):
             depth += 1
             anchored.append(event.anchor is not None or (bool(anchored) and anchored[-1]))
@@ -59,11 +57,3 @@ def _require_flat(path: Path, text: str) -> None:
             anchored.pop()
         elif isinstance(event, AliasEvent) and anchored and anchored[-1]:
             raise UsageError(f"{where}: an alias within an anchor is not allowed")
-
-
-def _require_characters(where: str, text: str) -> None:
-    """Refuse halves of characters, which an escape can spell."""
-    try:
-        text.encode()
-    except UnicodeEncodeError as error:
-        raise UsageError(f"{where}: {shortened(ascii(text))} is not text in UTF-8") from error

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -32,12 +33,7 @@ D = TypeVar("D", bound="Document")
 
 
 def _null_as(number: float) -> WrapValidator:
-    """Read null as this number."""
-
-    def read(value: object, check: Callable[[object], float]) -> float:
-        return number if value is None else check(value)
-
-    return WrapValidator(read)
+    return WrapValidator(lambda value, check: number if value is None else check(value))
 
 
 # Numbers that may not exist (NaN), and ends that may be open: null in a document.
@@ -61,11 +57,9 @@ Unsaved = Annotated[T, Field(exclude=True)]
 class Document:
     """Base of a frozen dataclass that is a document: its fields, in their order, are the keys.
 
-    A field of type `Unsaved` is left out, and has its default when the document is read back.
-    Numbers that do not exist are null.
-
-    - `what`, `written_by`: what it is (``a diagnosis``) and which command writes it, for messages
-    - `format`: first field, its default names the format
+    A field of type `Unsaved` is left out. `what` says what it is (``a diagnosis``) and `written_by`
+    which command writes it, for messages; the default of `format`, the first field, names the
+    format.
     """
 
     what: ClassVar[str]
@@ -78,35 +72,26 @@ class Document:
     def to_document(self) -> dict[str, Any]:
         """Return the document as plain Python values; numbers that do not exist are None."""
         values = _adapter(type(self)).dump_python(self, by_alias=True, warnings=False)
-        document: dict[str, Any] = _plain(values)
-        return document
+        return dict(_plain(values))
 
     def to_json(self) -> str:
         """Return the document as text."""
         return json_text(self.to_document())
 
     def write(self, path: FilePath) -> None:
-        """Write the document, complete or not at all.
-
-        Raises UsageError: it cannot be written, and why.
-        """
+        """Write the document, complete or not at all; a UsageError says why it cannot be."""
         with refused_if_unwritable(path):
             write_together({Path(path): self.to_json()})
 
     @classmethod
     def read(cls: type[D], path: FilePath) -> D:
-        """Read a document that `write` wrote.
-
-        Raises UsageError: the file cannot be read, or as `from_json`.
-        """
+        """Read a document that `write` wrote; a UsageError says what is wrong, as `from_json`."""
         text = read_text(Path(path), f"the {cls.what.partition(' ')[2]}")
         return cls.from_json(text, str(path))
 
     @classmethod
     def from_json(cls: type[D], text: str, name: str) -> D:
-        """Read a document from its text.
-
-        - `name`: of the file, for the message
+        """Read a document from the text of the file `name`.
 
         Raises UsageError: not JSON, another format, or a key that is missing, wrong or unknown; one
         line with the file, the key and what to do.
@@ -124,7 +109,8 @@ class Document:
             )
         try:
             # From the text: a list of JSON may then stand for a tuple, and nothing for a number.
-            return _adapter(cls).validate_json(text)
+            document: D = _adapter(cls).validate_json(text)
+            return document
         except ValidationError as error:
             raise UsageError(f"{name}: {first_problem(error)}; {again}") from error
 
@@ -144,13 +130,7 @@ class _WholeSchema(GenerateJsonSchema):
         return False
 
 
-_adapters: dict[type, TypeAdapter[Any]] = {}
-
-
-def _adapter(kind: type[T]) -> TypeAdapter[T]:
-    if kind not in _adapters:
-        _adapters[kind] = TypeAdapter(kind)
-    return _adapters[kind]
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 def _plain(value: object) -> Any:

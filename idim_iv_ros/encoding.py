@@ -29,39 +29,32 @@ def named(text: str) -> str:
 
 
 def json_text(content: object, *, encoding: str = "utf-8", indent: int | None = 2) -> str:
-    """Return a document as JSON that can be written in `encoding`, with a line end.
-
-    Raises ValueError: a number is not finite.
-    """
+    """Return JSON that can be written in `encoding`; ValueError if a number is not finite."""
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(encoding, _SPELT_JSON).decode(encoding)
 
 
 def shell_command(*words: str) -> str:
     """Join words so that a shell takes them apart again, bytes that are no text too."""
-    return " ".join(map(_shell_word, words))
-
-
-def _shell_word(word: str) -> str:
-    if named(word) == word:
-        return shlex.quote(word)
-    escaped = os.fsencode(word.replace("\\", "\\\\").replace("'", "\\'"))
-    return "$'" + escaped.decode("ascii", "backslashreplace") + "'"
+    quoted = []
+    for word in words:
+        escaped = os.fsencode(word.replace("\\", "\\\\").replace("'", "\\'"))
+        spelt = "$'" + escaped.decode("ascii", "backslashreplace") + "'"
+        quoted.append(shlex.quote(word) if named(word) == word else spelt)
+    return " ".join(quoted)
 
 
 def _spelt(text: str) -> str:
-    return "".join(line if line.isascii() else _spelling(line) for line in text)
-
-
-def _spelling(character: str) -> str:
-    """Return a character in ASCII: σ as sigma, ² as 2, others by their number."""
-    if character in _SPELLINGS:
-        return _SPELLINGS[character]
-    name = unicodedata.name(character, "")
-    if name.startswith("GREEK"):
-        return name.split()[-1].lower()
-    plain = unicodedata.normalize("NFKC", character)
-    return plain if plain.isascii() else character.encode("ascii", "backslashreplace").decode()
+    """Return characters in ASCII: σ as sigma, ² as 2, others by their number."""
+    spelt = ""
+    for character in text:
+        name, plain = unicodedata.name(character, ""), unicodedata.normalize("NFKC", character)
+        if name.startswith("GREEK"):
+            plain = name.split()[-1].lower()
+        plain = _SPELLINGS.get(character, plain)
+        escaped = character.encode("ascii", "backslashreplace").decode()
+        spelt += plain if plain.isascii() else escaped
+    return spelt
 
 
 def _register(name: str, spell: Callable[[str], str]) -> None:

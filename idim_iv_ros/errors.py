@@ -37,11 +37,10 @@ class ReportWarning(UserWarning):
 
 
 def silence_foreign_warnings() -> None:
-    """Show no Python warning from here on, unless someone asked for it.
+    """Show no Python warning of other libraries from here on, unless someone asked for it.
 
-    They are for developers of the libraries beneath. What a user must know is a note of the result,
-    or one line of ours. The filter comes after all others: ``python -W``, ``PYTHONWARNINGS`` and a
-    test's own filters hold, and with ``IDIM_IV_TRACEBACK`` everything is shown.
+    The filter comes after all others: ``python -W``, ``PYTHONWARNINGS`` and a test's own filters
+    hold, and with ``IDIM_IV_TRACEBACK`` everything is shown.
     """
     if not os.environ.get("IDIM_IV_TRACEBACK"):
         warnings.simplefilter("ignore", append=True)

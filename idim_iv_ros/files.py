@@ -2,16 +2,10 @@
 
 A file that somebody else wrote, or changed since, is not replaced. This program's own are known so:
 
-======================  ==========================================================================
-file                    known by
-======================  ==========================================================================
-``.json``               its key ``format``, which begins with ``idim_iv_ros/``
-``.html``               ``<meta name="generator" content="idim_iv_ros">``
-``.mcap``               the library that its header names (a recorded bag is never replaced)
-``.parquet``            the key ``idim_iv_ros`` of the metadata in its footer
-``.csv``, ``.yaml``     its digest in the JSON file of the same name beside it (a motion), or in
-                        its own first line (a configuration): once edited, it is the user's
-======================  ==========================================================================
+``.json`` by its key ``format``, ``.html`` by its generator, ``.mcap`` by the library that its head
+names (a recorded bag is never replaced), ``.parquet`` by a key of its footer; ``.csv`` and
+``.yaml`` by a digest, in the JSON file of the same name beside it (a motion) or in the first line
+(a configuration): once edited, they are the user's.
 """
 
 import hashlib
@@ -23,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from idim_iv_ros.encoding import SPELT, named
 from idim_iv_ros.errors import UsageError
@@ -62,10 +56,7 @@ _SIGNATURE = "# Written by idim_iv_ros. Digest of what follows, as long as nobod
 
 
 def as_paths(bags: FilePaths) -> tuple[Path, ...]:
-    """Return one or many bags as paths.
-
-    Raises UsageError: there is none.
-    """
+    """Return one or many bags as paths; a UsageError says that there is none."""
     given = [bags] if isinstance(bags, (str, os.PathLike)) else list(bags)
     if not given:
         raise UsageError("no bag was given; at least one is needed")
@@ -73,10 +64,7 @@ def as_paths(bags: FilePaths) -> tuple[Path, ...]:
 
 
 def as_file(out: FilePath) -> Path:
-    """Return the path of a file that will be written.
-
-    Raises UsageError: it has no name: it is empty, ``.`` or ``/``.
-    """
+    """Return the path of a file to write; a UsageError where it is empty, ``.`` or ``/``."""
     path = Path(out)
     if not path.name:
         raise UsageError(f"--out {path}: the name of a file is needed")
@@ -89,18 +77,14 @@ def is_file(path: Path) -> bool:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is a file or folder `path`.
-
-    Raises UsageError: the name is no name for this system (too long), or a folder on the way may
-    not be entered.
-    """
+    """Whether there is a file or folder; a UsageError where its name is none, or not to be read."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError):
         return False
     except (OSError, ValueError) as error:
         shown = str(path) if len(str(path)) < 80 else f"{str(path)[:60]}…"
-        reason = error.strerror if isinstance(error, OSError) else str(error)
+        reason = getattr(error, "strerror", None) or error
         raise UsageError(f"{shown}: cannot be read: {reason}") from error
     return True
 
@@ -112,14 +96,10 @@ def read_text(
     megabytes: float = 50.0,
     decode: Callable[[bytes], str] = lambda content: content.decode("utf-8-sig"),
 ) -> str:
-    """Read a text file.
+    """Read a text file of at most so many `megabytes`; `what` is expected, for the message.
 
-    A device or a pipe is refused before it is opened: it may never end, or never begin.
-
-    `what` is expected, for the message: ``the trajectory``; `megabytes` is the largest size of
-    such a file. `decode` makes text of bytes, or raises `ValueError` or `LookupError`.
-    Raises UsageError: missing, unreadable, no regular file, too large, or no text; one line with
-    the path.
+    `decode` makes text of bytes, or raises `ValueError` or `LookupError`. Raises UsageError:
+    missing, unreadable, no regular file (a pipe may never end), too large, or no text.
     """
     try:
         state = path.stat()
@@ -147,10 +127,7 @@ def refused_if_unwritable(path: FilePath) -> Iterator[None]:
 
 
 def probe_place(path: Path) -> None:
-    """Find out, before long work, whether a file can be written beside `path`.
-
-    Raises OSError: it cannot, and why.
-    """
+    """Write and remove a file beside `path`, before long work; an OSError says why it cannot be."""
     probe = _temporary(path)
     with uninterrupted():
         try:
@@ -160,11 +137,7 @@ def probe_place(path: Path) -> None:
 
 
 def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
-    """Refuse, before long work, files that could not be written or must not be replaced.
-
-    Raises UsageError: the folder of a file is missing or cannot be written, or as
-    `require_replaceable`.
-    """
+    """Refuse, before long work, files that cannot be written, or as `require_replaceable`."""
     files = list(files)
     require_replaceable(files, force=force)
     for file in files:
@@ -175,10 +148,7 @@ def require_file_place(files: Iterable[Path], *, force: bool = False) -> None:
 
 
 def require_folder_place(folder: Path) -> None:
-    """Refuse, before long work, a folder that cannot be written, or not be made.
-
-    Raises UsageError: one line with the folder, and where that ends.
-    """
+    """Refuse, before long work, a folder that cannot be written, or not be made."""
     place = folder.absolute()
     while not (is_there(place) or place.is_symlink()):
         place = place.parent
@@ -191,10 +161,7 @@ def require_folder_place(folder: Path) -> None:
 
 @contextmanager
 def made_folder(out: Path) -> Iterator[None]:
-    """Make a folder and its parents; those that are empty after a failure are taken away again.
-
-    Raises OSError: it cannot be made.
-    """
+    """Make a folder and its parents; those that are empty after a failure are removed again."""
     missing = [folder for folder in (out, *out.parents) if not folder.exists()]
 
     def undo() -> None:
@@ -213,7 +180,7 @@ def made_folder(out: Path) -> Iterator[None]:
 
 @contextmanager
 def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
-    """Temporary files that take the names of `paths`, all together, if the ``with`` ends well.
+    """Temporary files that take the names of `paths` together, if the ``with`` ends well.
 
     Raises OSError: a file cannot be written, or a folder has its name.
     """
@@ -231,10 +198,7 @@ def complete_files(paths: Iterable[Path]) -> Iterator[dict[Path, Path]]:
 
 
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
-    """Write files, texts in UTF-8, that appear complete and together, or not at all.
-
-    Raises OSError: a file cannot be written, or a folder has its name.
-    """
+    """Write files, texts in UTF-8, complete and together or not at all, as `complete_files`."""
     with complete_files(contents) as temporary:
         for path, content in contents.items():
             with temporary[path].open("wb") as file:
@@ -245,20 +209,13 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def _temporary(path: Path) -> Path:
-    """Where a file is written before it is complete.
-
-    Its name is short and of ASCII whatever that of the file: a name of 255 bytes is a name, too.
-    """
+    """Where a file is written before it is complete; a name of 255 bytes is a name, too."""
     name = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]
     return path.with_name(f".{name}.{os.getpid()}.tmp")
 
 
 def require_replaceable(paths: Iterable[Path], *, force: bool = False) -> None:
-    """Refuse to replace a file that this program did not write.
-
-    Raises UsageError: there is such a file (unless `force`), something else than a file in its
-    place, or a name that cannot be.
-    """
+    """Refuse to replace what this program did not write (unless `force`), or what is no file."""
     for path in paths:
         try:
             kind = _kind(path)
@@ -290,10 +247,18 @@ def _kind(path: Path) -> str | None:
 def written_by_program(path: Path) -> bool:
     """Whether this program wrote the file and nobody changed it in a way that can be seen."""
     suffix = path.suffix.lower()
-    recognised = {".json": _marked_json, ".parquet": _marked_parquet}.get(suffix, _marked_digest)
     try:
+        if suffix == ".json":
+            return _marked_json(path) is not None
+        if suffix == ".parquet":
+            with path.open("rb") as file:  # metadata, its length, PAR1
+                end = file.seek(0, os.SEEK_END) - 8
+                file.seek(max(0, end))
+                size, mark = struct.unpack("<I4s", file.read(8).rjust(8))
+                file.seek(max(0, end - size))
+                return mark == b"PAR1" and PROGRAM.encode() in file.read(size)
         if suffix not in _MARKS:
-            return recognised(path)
+            return _marked_digest(path)
         with path.open("rb") as file:
             return _MARKS[suffix] in file.read(_HEAD)
     except (OSError, ValueError, RecursionError):
@@ -316,22 +281,10 @@ def signed(text: str) -> str:
     return f"{_SIGNATURE}{digest(text)}\n{text}"
 
 
-def _marked_json(path: Path) -> bool:
+def _marked_json(path: Path) -> dict[str, Any] | None:
     document = json.loads(path.read_text(encoding="utf-8"))
-    return isinstance(document, dict) and str(document.get("format")).startswith(f"{PROGRAM}/")
-
-
-def _marked_parquet(path: Path) -> bool:
-    """Whether the metadata in its footer (content, length, ``PAR1``) names this program."""
-    with path.open("rb") as file:
-        end = file.seek(0, os.SEEK_END)
-        file.seek(max(0, end - 8))
-        tail = file.read(8)
-        if len(tail) < 8 or tail[4:] != b"PAR1":
-            return False
-        (size,) = struct.unpack("<I", tail[:4])
-        file.seek(max(0, end - 8 - size))
-        return PROGRAM.encode() in file.read(size)
+    stated = document.get("format") if isinstance(document, dict) else None
+    return document if str(stated).startswith(f"{PROGRAM}/") else None
 
 
 def _marked_digest(path: Path) -> bool:
@@ -340,9 +293,8 @@ def _marked_digest(path: Path) -> bool:
     if first.startswith(_SIGNATURE):
         return first.removeprefix(_SIGNATURE) == digest(rest)
     stem = path.name.split(".", 1)[0]
-    for document in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
-        if document.is_file() and _marked_json(document):
-            files = json.loads(document.read_text(encoding="utf-8")).get(FILES)
-            if isinstance(files, dict) and files.get(path.name) == digest(text):
-                return True
+    for place in {path.with_suffix(".json"), path.with_name(f"{stem}.json")}:
+        files = ((_marked_json(place) if place.is_file() else None) or {}).get(FILES)
+        if isinstance(files, dict) and files.get(path.name) == digest(text):
+            return True
     return False

@@ -2,10 +2,9 @@
 
 The exit status is that of a shell, 128 and the number of the signal.
 
-Python's own answer, a KeyboardInterrupt, does not work everywhere: imports of extension modules,
-callbacks from C and compilers swallow it, turn it into another error, or print its traceback. The
-handler below therefore ends the process itself. What must not be left behind says so with
-`undone_if_interrupted`; what must not be cut in two is done under `uninterrupted`.
+Python's own answer, a KeyboardInterrupt, is swallowed by imports of extension modules, callbacks
+from C and compilers: the handler below ends the process itself. What must not be left behind says
+so with `undone_if_interrupted`; what must not be cut in two is done under `uninterrupted`.
 """
 
 import os

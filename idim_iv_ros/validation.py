@@ -22,12 +22,9 @@ _NEEDED = {
     "path_type": "a path",
 }
 _KINDS = {
-    **dict.fromkeys(("float", "decimal"), "a number"),
-    **dict.fromkeys(("int",), "a whole number"),
-    **dict.fromkeys(("bool",), "true or false"),
+    **{"float": "a number", "int": "a whole number", "bool": "true or false", "none": "nothing"},
     **dict.fromkeys(("list", "tuple", "set", "frozen", "iterable"), "a list"),
     **dict.fromkeys(("dict", "model", "dataclass", "mapping"), "a mapping of keys"),
-    **dict.fromkeys(("none",), "nothing"),
 }
 
 
@@ -61,10 +58,9 @@ def _needed(problem: ErrorDetails) -> str:
 
 def _given(value: object) -> str:
     """Say what was there instead; of what fills lines only its kind."""
-    if value is None:
-        return ", not nothing"
-    if isinstance(value, bool):
-        return f", not {str(value).lower()}"
+    words = {None: "nothing", True: "true", False: "false"}
+    if value is None or isinstance(value, bool):
+        return f", not {words[value]}"
     if isinstance(value, str):
         return f", not '{shortened(value)}'"
     if isinstance(value, int | float):

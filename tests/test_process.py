@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros.memory import return_freed_memory
+from idim_iv_ros.compilation import return_freed_memory
 
 SIZE = 50_000  # bytes: below what the C library asks the system for by itself
 

@@ -9,7 +9,7 @@ from typing import Any
 from typer import Option
 from typer.core import TyperCommand
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.identify import print_physical
 from idim_iv_ros.cli.output import Output
 from idim_iv_ros.errors import UsageError
@@ -45,17 +45,14 @@ def diagnose_command(
     config: shared.Config,
     out: shared.OutOrJson = None,
     without: list[str] | None = Option(
-        None,
-        help="Leave an effect out of the catalogue, to see what is said without it; may be "
-        "repeated.",
-        metavar="EFFECT",
+        None, metavar="EFFECT", help="Leave an effect out of the catalogue; may be repeated."
     ),
     against: list[Path] | None = Option(
         None,
         AGAINST,
-        help="Recordings of the same robot, or of a simulator of it, that may differ: say what "
-        "changed from the others to them. Names up to the next option belong to it.",
         metavar="BAG...",
+        help="Recordings of the same robot, or of a simulator of it, up to the next option: say "
+        "what changed from the others to them.",
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,

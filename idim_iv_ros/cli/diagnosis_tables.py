@@ -72,27 +72,23 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
 
 
 def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
-    """Print whether two sets of recordings differ, and what changed with its numbers."""
     tone, _, words = contrast_badge(contrast)
     console.print(Text(f"Contrast: {words}.", style=f"bold {_STYLES[tone]}"))
     console.print(Text(" ".join(contrast_headline(result, contrast))))
-    rows = [
-        (
-            f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}",
-            _parameters(cause.parameters),
-            "\n".join(
-                f"{torque.joint}: {torque.rms:.3g} {torque_unit(result, torque.joint)} "
-                f"({100.0 * torque.share_of_torque:.3g} %)"
-                for torque in cause.torques[:2]
-            ),
-            "\n".join(
-                effect_at(other.effect, None if other.joint == cause.joint else other.joint)
-                for other in cause.indistinguishable_from
-            )
-            or MISSING,
-        )
-        for cause in contrast.causes
-    ]
+    rows = []
+    for cause in contrast.causes:
+        what = f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}"
+        torques = [
+            f"{torque.joint}: {torque.rms:.3g} {torque_unit(result, torque.joint)} "
+            f"({100.0 * torque.share_of_torque:.3g} %)"
+            for torque in cause.torques[:2]
+        ]
+        others = [
+            effect_at(other.effect, None if other.joint == cause.joint else other.joint)
+            for other in cause.indistinguishable_from
+        ]
+        alike = "\n".join(others) or MISSING
+        rows.append((what, _parameters(cause.parameters), "\n".join(torques), alike))
     if rows:
         print_table(console, "What changed, largest torque first", _CHANGES, rows)
 
@@ -108,7 +104,6 @@ def _parameters(parameters: dict[str, EffectParameter]) -> str:
 
 
 def _print_gaps(console: Console, result: GapResult) -> None:
-    """Print one line a joint: its gap in the first and in the last model, and the noise."""
     first, last = result.stages[0], result.stages[-1]
     floors = {gap.joint: gap.noise_floor for gap in result.where.joints}
     rows = []

@@ -10,14 +10,13 @@ from rich.console import Console
 from rich.text import Text
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table, report_warnings
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.files import FLEET, FLEET_PAGE
 
 if TYPE_CHECKING:
-    from idim_iv_ros.fleet.commands import Fleet
-    from idim_iv_ros.fleet.run import FleetRun
+    from idim_iv_ros.fleet.commands import Fleet, FleetRun
 
 fleet = typer.Typer(
     no_args_is_help=True,
@@ -54,43 +53,33 @@ def fleet_command(
         str,
         Argument(
             help="A manifest (.csv or .parquet with the columns uri, robot, and also type and "
-            "time), a folder, or a URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
-            "TYPE/ROBOT/BAG."
+            "time), or a folder or URL (s3://, gs://, …) with ROBOT/BAG or TYPE/ROBOT/BAG."
         ),
     ],
     config: Annotated[
         Path,
-        Option(
-            metavar="FILE.yaml|FOLDER",
-            help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
-        ),
+        Option(metavar="FILE.yaml|FOLDER", help="One for all, or with ROBOT.yaml or TYPE.yaml."),
     ],
     out: shared.Out,
     scheduler: str | None = Option(
-        None,
-        metavar="ADDRESS",
-        help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers are "
-        "started on this machine.",
+        None, metavar="ADDRESS", help="Of a running Dask scheduler, as in tcp://host:8786."
     ),
-    workers: int | None = Option(
-        None, help="How many on this machine; left out, one for each core."
-    ),
+    workers: int | None = Option(None, help="How many on this machine; left out: one a core."),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
 ) -> None:
     """Run `fleet identify` or `fleet diagnose`, by the name of the command."""
-    from idim_iv_ros.fleet.commands import diagnose_fleet, identify_fleet
-    from idim_iv_ros.fleet.run import FleetRun
-    from idim_iv_ros.fleet.table import FILE, write_table
+    from idim_iv_ros.fleet.commands import FleetRun, diagnose_fleet, identify_fleet
+    from idim_iv_ros.fleet.result import TABLE, write_table
     from idim_iv_ros.report.write import require_writable, write_report
 
     output = Output(quiet=quiet)
     run = FleetRun(source, config, out, scheduler, workers)
     name = str(context.info_name)
     with output.progress() as progress:
-        with require_writable(out, (FILE, FLEET, FLEET_PAGE), force=force):
+        with require_writable(out, (TABLE, FLEET, FLEET_PAGE), force=force):
             answer = {"identify": identify_fleet, "diagnose": diagnose_fleet}[name](run, progress)
-            write_table(answer.bags, out / FILE)
+            write_table(answer.bags, out / TABLE)
         with report_warnings():
             pages = _write_robots(answer, run, force)
             reports = {robot: page.relative_to(out).as_posix() for robot, page in pages.items()}
@@ -98,7 +87,7 @@ def fleet_command(
                 answer.result, out, reports=reports, force=force, config=config, bags=[source]
             )
     _print_fleet(output.console, answer, pages)
-    output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / FILE}")
+    output.line(f"Numbers: {out / FLEET}; a row for each bag and parameter: {out / TABLE}")
     if page is not None:
         output.line(f"Report: {page}")
     if not any(bag.used for bag in answer.result.bags):
@@ -109,9 +98,7 @@ def fleet_command(
 
 
 def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
-    """Return the next command: check a failed bag on this machine, or the same command again."""
-    from idim_iv_ros.fleet.robots import path_of
-    from idim_iv_ros.fleet.source import is_local, local_path
+    from idim_iv_ros.fleet.source import is_local, local_path, path_of
 
     config = Path(run.config)
     for bag in answer.bags:
@@ -121,7 +108,6 @@ def _next_command(name: str, run: FleetRun, answer: Fleet) -> str:
 
 
 def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
-    """Write the reports of the diagnosed robots, and return their addresses by robot."""
     from idim_iv_ros.report.write import write_report
 
     pages = {}
@@ -137,16 +123,13 @@ def _write_robots(answer: Fleet, run: FleetRun, force: bool) -> dict[str, Path]:
 
 
 def _print_fleet(console: Console, answer: Fleet, pages: dict[str, Path]) -> None:
-    """Print the robots that need attention, their types, and the bags left out."""
     from idim_iv_ros.report.fleet import headline
 
     result = answer.result
     left_out = [bag for bag in result.bags if not bag.used]
     plural = "" if len(result.robots) == 1 else "s"
-    lines = [
-        f"{len(result.bags) - len(left_out):,} of {len(result.bags):,} bags used, "
-        f"{len(result.robots):,} robot{plural}"
-    ]
+    used = f"{len(result.bags) - len(left_out):,} of {len(result.bags):,} bags used"
+    console.print(Text(f"{used}, {len(result.robots):,} robot{plural}"), soft_wrap=True)
     rows = []
     for robot in result.robots:
         why, *more = robot.reasons or ("",)
@@ -155,17 +138,10 @@ def _print_fleet(console: Console, answer: Fleet, pages: dict[str, Path]) -> Non
         if robot.attention != "none":
             rows.append((robot.robot, robot.type, why, str(robot.bags)))
     if rows:
-        console.print(Text(lines.pop()), soft_wrap=True)
-        print_table(
-            console,
-            "Robots that need attention, most urgent first",
-            ("robot", "type", "why", ">bags"),
-            rows,
-            most=LONGEST,
-            rest="the report has them",
-        )
-    else:
-        lines.append(headline(result))
+        title, columns = "Robots that need attention, most urgent first", ("robot", "type", "why")
+        rest = "the report has them"
+        print_table(console, title, (*columns, ">bags"), rows, most=LONGEST, rest=rest)
+    lines = [] if rows else [headline(result)]
     for kind in result.types:
         lines += [*kind.sentences, *kind.notes]
     lines += [f"Not used: {bag.uri}: {bag.why_not}" for bag in left_out[:_SHOWN]]

@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.text import Text
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import RESULT, SERVO, signed, write_together
@@ -59,7 +59,6 @@ def check_command(
 
 
 def _print_findings(console: Console, report: CheckReport, whole: bool) -> None:
-    """Print the findings on every recording and joint, and what the excitation shows."""
 
     def print_indented(*parts: str | tuple[str, str]) -> None:
         console.print(Padding(Text.assemble(*parts), (0, 0, 0, 2), expand=False))
@@ -117,7 +116,10 @@ def identify_command(
     output.warn(result.doubts)
     for advice in result.processing.advice:
         output.line(f"Advice: {advice}")
-    output.warn(data_warnings(result))
+    for bag in result.bags:
+        sentences = [note.sentence for note in bag.notes if note.limits]
+        sentences += [channel.sentence for channel in bag.frozen]
+        output.warn(f"{Path(bag.path).name}: {sentence}" for sentence in sentences)
     if result.verdict.verdict == "misspecified":
         output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
     print_physical(output, result, numbers, config)
@@ -148,11 +150,10 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
     rows: list[tuple[float, tuple[str, ...]]] = []
     for parameter in result.parameters:
         value, std = parameter.essential_value, parameter.essential_std
-        if not parameter.essential or value is None or std is None:
-            continue
-        percent = 100.0 * std / abs(value)
-        cells = (f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}", parameter.unit)
-        rows.append((percent, (parameter.name, *cells, parameter.essential_remark)))
+        if parameter.essential and value is not None and std is not None:
+            percent = 100.0 * std / abs(value)
+            cells = (f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}", parameter.unit)
+            rows.append((percent, (parameter.name, *cells, parameter.essential_remark)))
     print_table(
         console,
         f"{result.robot}: essential parameters, {result.estimator}, best determined first",
@@ -173,17 +174,17 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
 def print_verdict(console: Console, result: IdentificationResult) -> None:
     """Print verdict, fit, source of the instruments, and parameters that were left out."""
     fit = result.fit
+    plural = "s" if result.iterations > 1 else ""
     lines = [
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
         f"relative error {fit.relative_error_percent:.3g} % on {fit.samples} rows; "
-        f"{result.iterations} iteration{'s' if result.iterations > 1 else ''}, "
-        f"{'converged' if result.converged else 'NOT converged'}"
+        f"{result.iterations} iteration{plural}, {'' if result.converged else 'NOT '}converged"
     ]
-    if errors := fit.joint_relative_error_percent:
-        percents = (
-            f"{joint} {'–' if error is None else f'{error:.3g} %'}"
-            for joint, error in errors.items()
-        )
+    percents = [
+        f"{joint} {'–' if error is None else f'{error:.3g} %'}"
+        for joint, error in fit.joint_relative_error_percent.items()
+    ]
+    if percents:
         lines.append(f"Relative error of the torque by joint: {', '.join(percents)}")
     lines.append(f"Instruments: {result.instruments.source}")
     lines.append(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}")
@@ -191,29 +192,14 @@ def print_verdict(console: Console, result: IdentificationResult) -> None:
         console.print(Text(line))
 
 
-def data_warnings(result: IdentificationResult) -> list[str]:
-    """Return sentences on lost messages and frozen channels of each bag."""
-    warnings = []
-    for bag in result.bags:
-        sentences = [note.sentence for note in bag.notes if note.limits]
-        sentences += [channel.sentence for channel in bag.frozen]
-        warnings += [f"{Path(bag.path).name}: {sentence}" for sentence in sentences]
-    return warnings
-
-
 def servo_command(
     bags: shared.Bags,
     config: shared.Config,
     gains: str | None = Option(
-        None,
-        metavar="G1,G2,…",
-        help="The servos' gain setting in each recording, in any unit, where it differs.",
+        None, metavar="G1,G2,…", help="The gain setting of each recording, where it differs."
     ),
     model_error: float = Option(
-        0.05,
-        min=0.0,
-        max=1.0,
-        help="How wrong the nominal model's torques may be, as a standard deviation.",
+        0.05, min=0.0, max=1.0, help="How wrong the nominal torques may be, standard deviation."
     ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,
@@ -250,28 +236,25 @@ def servo_command(
     result, numbers, page = output.produce(
         identify_servos, bags, config, SERVO, out, force=force, **options
     )
+    console, absolute = output.console, any(joint.absolute for joint in result.joints)
     columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"
-    print_table(output.console, title, columns, summary_rows(result))
-    if not any(joint.absolute for joint in result.joints):
+    print_table(console, title, columns, summary_rows(result))
+    if not absolute:
         for joint in result.joints:
             rows = number_rows((*joint.numbers, *joint.ratios))
-            print_table(output.console, joint.joint, ("", ">value", ">95 % interval"), rows)
+            print_table(console, joint.joint, ("", ">value", ">95 % interval"), rows)
     for joint in result.joints:
         if joint.reason:
-            output.console.print(f"{joint.joint}: {joint.reason}")
-    print_table(
-        output.console,
-        "Position, rms in mrad",
-        ("joint", ">perfect tracking", ">simulated servo", ">half not fitted", ">encoder step"),
-        error_rows(result),
-    )
+            console.print(f"{joint.joint}: {joint.reason}")
+    heads = ("joint", ">perfect tracking", ">simulated servo", ">half not fitted", ">encoder step")
+    print_table(console, "Position, rms in mrad", heads, error_rows(result))
     if result.gains:
-        heads = ("recording", "joint", ">given", ">estimated", ">95 % interval", "")
-        print_table(output.console, "Gains", heads, gain_rows(result))
-    output.console.print(headline(result))
+        columns = ("recording", "joint", ">given", ">estimated", ">95 % interval", "")
+        print_table(console, "Gains", columns, gain_rows(result))
+    console.print(headline(result))
     output.warn(result.warnings)
-    if out is not None and any(joint.absolute for joint in result.joints):
+    if out is not None and absolute:
         for path in write_servo_files(result, load_configuration(config), bags, out):
             output.line(f"Wrote {path}")
     output.name_files(numbers, page)
@@ -282,9 +265,7 @@ def compare_command(
     second: Annotated[Path, Argument(help="Another one of the same robot.")],
     out: Path | None = Option(None, "--out", help=f"Folder for {_FILE}, both side by side."),
     config: Path | None = Option(
-        None,
-        help="The robot's YAML file, for the next command; left out, that of the second "
-        f"result is written beside {_FILE}.",
+        None, help=f"The robot's YAML file; left out, the second's is written beside {_FILE}."
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -313,17 +294,14 @@ def compare_command(
         with require_writable(out, [path.name for path in written], force=force):
             write_together(written)
     output.document(comparison.to_document())
-    print_table(
-        output.console,
-        f"{comparison.robot}: base parameters, those that differ most first",
-        ("base parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference"),
-        [
-            (pair.words, first_value, second_value, pair.unit, apart)
-            for pair in comparison.pairs
-            for first_value, second_value, apart in [pair_words(pair)]
-        ],
-        most=None if verbose else max(_SHOWN, sum(pair.differs for pair in comparison.pairs)),
-    )
+    title = f"{comparison.robot}: base parameters, those that differ most first"
+    columns = ("base parameter", ">first (± 95 %)", ">second (± 95 %)", "unit", ">difference")
+    rows = []
+    for pair in comparison.pairs:
+        *values, apart = pair_words(pair)
+        rows.append((pair.words, *values, pair.unit, apart))
+    most = None if verbose else max(_SHOWN, sum(pair.differs for pair in comparison.pairs))
+    print_table(output.console, title, columns, rows, most=most)
     output.console.print(comparison.sentence)
     if out is not None or config is not None:
         output.line(f"Next: {compare_step(comparison, files).code}")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, write_together
@@ -16,17 +16,11 @@ from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, wr
 
 def init_command(
     bags: shared.Bags,
-    urdf: Path | None = Option(
-        None, help="The robot's URDF; may be left out where the bag has /robot_description."
-    ),
+    urdf: Path | None = Option(None, help="The URDF; left out: /robot_description of the bag."),
     driver: str | None = Option(
-        None,
-        help="Topics and units of a driver: ur, franka, kinova, kuka_fri, ros2_control, or a "
-        "YAML file with the same keys.",
+        None, help="Topics and units: ur, franka, kinova, kuka_fri, ros2_control, or a YAML file."
     ),
-    out: Path | None = Option(
-        None, help="The configuration to write; my_arm.yaml, of a table map.yaml."
-    ),
+    out: Path | None = Option(None, help="The file to write; my_arm.yaml, of a table map.yaml."),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -56,16 +50,15 @@ def init_command(
         proposal = propose_configuration(bags, urdf, driver=driver, progress=progress)
         write_configuration(proposal, out, force=force)
     values, reasons = proposal.values_for(out), proposal.reasons
-    output.document(
-        {
-            "format": INIT_FORMAT,
-            "path": str(out),
-            "configuration": values,
-            "reasons": {".".join(key): reason for key, reason in reasons.items()},
-            "left_out": dict(proposal.left_out),
-            "warnings": list(proposal.warnings),
-        }
-    )
+    document = {
+        "format": INIT_FORMAT,
+        "path": str(out),
+        "configuration": values,
+        "reasons": {".".join(key): reason for key, reason in reasons.items()},
+        "left_out": dict(proposal.left_out),
+        "warnings": list(proposal.warnings),
+    }
+    output.document(document)
     rows = []
     for section, keys in values.items():
         for name, value in keys.items():
@@ -84,7 +77,6 @@ def init_command(
 
 
 def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None:
-    """Write the proposed map of a table, and print the next command."""
     from idim_iv_ros.recording.table import proposed_map
 
     require_file_place([out], force=force)
@@ -101,10 +93,7 @@ def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None
 def import_command(
     out: Annotated[Path, Argument(metavar="OUT.mcap", help="The bag to write.")],
     columns: Annotated[
-        Path,
-        Option(
-            metavar="MAP.yaml", help="A table and its columns; `idim-iv init TABLE` proposes it."
-        ),
+        Path, Option(metavar="MAP.yaml", help="Its columns; `idim-iv init TABLE` proposes it.")
     ],
     urdf: Path | None = Option(None, help="URDF to put on /robot_description."),
     force: shared.Force = False,

@@ -40,22 +40,21 @@ def main() -> None:
             print("idim-iv: interrupted", file=sys.stderr)
             sys.exit(STATUS)
         except BrokenPipeError:
-            drop_stdout()
-            sys.exit(1)
-        except MemoryError:
-            complain("not enough memory; use fewer or shorter bags")
+            _drop_stdout()
             sys.exit(1)
         except Exception as error:
-            if os.environ.get("IDIM_IV_TRACEBACK"):
+            if os.environ.get("IDIM_IV_TRACEBACK") and not isinstance(error, MemoryError):
                 raise
             complain(_words(error))
             if isinstance(error, OSError) and error.filename == STDOUT:
-                drop_stdout()
+                _drop_stdout()
             sys.exit(1)
 
 
 def _words(error: Exception) -> str:
     """Return an error in words; a refusal of the operating system is not called a defect."""
+    if isinstance(error, MemoryError):
+        return "not enough memory; use fewer or shorter bags"
     if isinstance(error, OSError):
         where = "" if error.filename is None else f"{error.filename}: "
         return f"{where}{error.strerror or error}"
@@ -84,10 +83,7 @@ _NARROWEST = 20  # columns in which words of the tables can be read
 
 
 def prepare_streams() -> None:
-    """Make stdout and stderr accept any text, whatever their encoding.
-
-    Raises UsageError: stdout is closed.
-    """
+    """Make stdout and stderr accept any text; a UsageError says that stdout is closed."""
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - until the end
     if sys.stdout is None:
@@ -96,13 +92,13 @@ def prepare_streams() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors=SPELT)
     for name in {"write", "flush"} - set(vars(sys.stdout)):
-        setattr(sys.stdout, name, _with_file_name(STDOUT, getattr(sys.stdout, name)))
+        setattr(sys.stdout, name, _naming_stdout(getattr(sys.stdout, name)))
     columns = os.environ.get("COLUMNS", "")
     if not (columns.isdecimal() and int(columns) >= _NARROWEST):
         os.environ.pop("COLUMNS", None)
 
 
-def drop_stdout() -> None:
+def _drop_stdout() -> None:
     """Discard the buffered stdout, about which Python would complain at its exit."""
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, sys.stdout.fileno())
@@ -118,14 +114,12 @@ def complain(text: str) -> None:
     Console(stderr=True, soft_wrap=True).print(line)
 
 
-def _with_file_name(name: str, write: Callable[..., object]) -> Callable[..., object]:
-    """Return the function `write` such that its OSErrors name the file."""
-
+def _naming_stdout(write: Callable[..., object]) -> Callable[..., object]:
     def named(*arguments: object) -> object:
         try:
             return write(*arguments)
         except OSError as error:
-            error.filename = name
+            error.filename = STDOUT
             raise
 
     return named

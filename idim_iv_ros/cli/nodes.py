@@ -11,16 +11,13 @@ from typing import Annotated, Any
 import typer
 from typer import Option
 
-from idim_iv_ros.cli.arguments import Config, Out
+from idim_iv_ros.cli.output import Config, Out
 from idim_iv_ros.errors import UsageError
 
 _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 # What follows --ros-args is the node's.
 ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
-Namespace = Annotated[
-    str,
-    Option(help="ROS namespace of the node, and of the relative topics of the configuration."),
-]
+Namespace = Annotated[str, Option(help="ROS namespace of the node and of relative topics.")]
 Result = Annotated[Path | None, Option(help="A result.json; left out: the newest of --results.")]
 Results = Annotated[Path, Option(help="Folder in which `idim-iv serve` writes its results.")]
 
@@ -81,11 +78,7 @@ def watch_command(
     result: Result = None,
     results: Results = Path("results"),
     web: int | None = Option(
-        None,
-        metavar="PORT",
-        min=0,
-        max=65535,
-        help="Show a page on this port of this machine, and no table; 0: any free port.",
+        None, metavar="PORT", min=0, max=65535, help="Show a page, no table; 0: any free port."
     ),
     namespace: Namespace = "",
 ) -> None:
@@ -104,7 +97,6 @@ def watch_command(
 
 
 def _predictor_parameters(result: Path | None, results: Path) -> dict[str, object]:
-    """Return the parameters of the node `predictor` from options."""
     if result is not None and not result.is_file():
         raise UsageError(f"{result}: no such file; `idim-iv identify` writes one")
     places = {"output_directory": results, "result": result}
@@ -119,10 +111,6 @@ def _run(
     parameters: Mapping[str, object],
     *settings: object,
 ) -> None:
-    """Run a node of `idim_iv_ros.nodes` until a signal, and exit with its status.
-
-    The node gets the robot's file, ROS parameters by name, the user's ROS arguments, `settings`.
-    """
     if config is not None:
         from idim_iv_ros.configuration import load_configuration
 
@@ -160,9 +148,7 @@ def ros_arguments(
         arguments += ["-p", f"{parameter}:={quoted}"]
     if namespace:
         if not _NAMESPACE.fullmatch(namespace):
-            raise UsageError(
-                f"--namespace: {namespace!r} is none of ROS: letters, digits and _, no digit "
-                "first, parts separated by /"
-            )
+            words = "letters, digits and _, no digit first, parts separated by /"
+            raise UsageError(f"--namespace: {namespace!r} is none of ROS: {words}")
         arguments += ["-r", f"__ns:=/{namespace.strip('/')}"]
     return [*arguments, *others]

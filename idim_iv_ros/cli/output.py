@@ -1,5 +1,10 @@
-"""Output of a command: tables for people, one JSON document for programs, or nothing."""
+"""Arguments that commands share, and output: tables, one JSON document for programs, or nothing.
 
+Nothing here or in the modules of the commands imports what computes or draws: `--help` and shell
+completion load them all. Each command imports what it needs when it runs.
+"""
+
+import math
 import re
 import sys
 import time
@@ -9,7 +14,7 @@ from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from rich import progress as bars
 from rich.cells import cell_len
@@ -17,24 +22,50 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
+from typer import Argument, Option
 
 from idim_iv_ros.encoding import json_text, shell_command
 from idim_iv_ros.errors import ReportWarning, UsageError
 from idim_iv_ros.files import REPORT
 from idim_iv_ros.progress import Progress
 
+Bags = Annotated[
+    list[Path],
+    Argument(help="MCAP files, rosbag2 folders or .db3 files of one robot."),
+]
+Config = Annotated[
+    Path, Option("--config", help="The robot's YAML file; `idim-iv init` writes a first one.")
+]
+Out = Annotated[Path, Option("--out", help="Folder for the results.")]
+OutOrJson = Annotated[
+    Path | None, Option("--out", help="Folder for the results; may be left out with --json.")
+]
+Force = Annotated[bool, Option("--force", help="Replace files that idim_iv_ros did not write.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
+AsJson = Annotated[
+    bool, Option("--json", help="Print the result as JSON, and nothing else, on stdout.")
+]
+Verbose = Annotated[bool, Option("--verbose", "-v", help="Print long tables whole.")]
+
 INTERVAL = 5.0  # s between lines where stderr is not a terminal
-
-
+LONGEST = 24  # rows that are printed without --verbose
 # What a command computes: one of `idim_iv_ros.report.write.Written`, which is not loaded here.
 AnyResult = TypeVar("AnyResult", bound=Any)
 
 
-class Output:
-    """Stdout and stderr of one command.
+def numbers(option: str, text: str) -> list[float]:
+    """Return finite numbers from a text in which commas separate them."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise UsageError(f"{option} {text}: numbers separated by commas are needed") from error
+    if not all(map(math.isfinite, values)):
+        raise UsageError(f"{option} {text}: finite numbers are needed")
+    return values
 
-    `console` prints nothing with `quiet` or `as_json`; `progress()` is `shown_progress`.
-    """
+
+class Output:
+    """Stdout and stderr of one command; `console` is silent with `quiet` or `as_json`."""
 
     def __init__(self, *, quiet: bool = False, as_json: bool = False):
         self.as_json = as_json
@@ -56,10 +87,8 @@ class Output:
 
         `compute` takes bags, configuration, `options` and `progress`; the numbers are written to
         the file `name` in the folder `out`. Returns the result, and the paths of numbers and page,
-        None without --out.
-
-        Raises UsageError, before computing: files cannot be written, or there is no --out nor
-        --json.
+        None without --out. Raises UsageError, before computing: files cannot be written, or there
+        is no --out nor --json.
         """
         from idim_iv_ros.configuration import load_configuration
         from idim_iv_ros.report.write import require_writable, write_report
@@ -118,7 +147,6 @@ def shown_progress(quiet: bool = False) -> Iterator[Progress]:
 
 
 def _lines() -> Progress:
-    """Return a progress callback that prints a line, at most one in an interval."""
     begin = latest = time.monotonic()
 
     def report(stage: str, share: float) -> None:
@@ -139,23 +167,18 @@ def report_warnings() -> Iterator[None]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ReportWarning)
         yield
-    for warning in caught:
-        if issubclass(warning.category, ReportWarning):
-            text = escape(" ".join(str(warning.message).split()))
+    for w in caught:
+        if issubclass(w.category, ReportWarning):
+            text = escape(" ".join(str(w.message).split()))
             console.print(f"[bold yellow]idim-iv: warning:[/] {text}")
         else:
-            warnings.warn_explicit(
-                warning.message, warning.category, warning.filename, warning.lineno
-            )
+            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
 
 
 def next_command(command: str, bags: Sequence[Path | str], config: Path, *options: str) -> str:
     """Return ``idim-iv COMMAND BAG… --config FILE OPTIONS``."""
     words = [command, *map(str, bags), "--config", str(config), *options]
     return f"idim-iv {shell_command(*words)}"
-
-
-LONGEST = 24  # rows that are printed without --verbose
 
 
 def print_table(
@@ -169,10 +192,9 @@ def print_table(
 ) -> None:
     """Print rows of plain text under a title; columns that are empty in all rows are left out.
 
-    A heading that begins with ``>`` is for numbers with units, aligned to the right. Names and
-    numbers stay on one line: only texts are wrapped where the terminal is narrow, for which rich
-    needs the least width of every column. Of more than `most` rows the first are printed, then the
-    number of the others, and in the words of `rest` where they are.
+    Headings of numbers begin with ``>``. Only texts are wrapped where the terminal is narrow, for
+    which rich needs the least width of every column. Of more than `most` rows the first are
+    printed, and how many others there are; `rest` says where.
     """
     shown = rows[:most]
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="dim")

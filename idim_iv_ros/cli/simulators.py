@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from idim_iv_ros.cli import arguments as shared
+from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import Output, next_command, print_table
 from idim_iv_ros.files import REPLAY, SIMULATION_FORMAT
 
@@ -23,19 +23,17 @@ def simulate_command(
     trajectory: Path | None = Option(
         None,
         metavar="TRAJ.csv",
-        help="References, as `idim-iv excite` writes them; without it a random exciting motion "
-        "of --duration seconds within the limits of the URDF.",
+        help="References, as `idim-iv excite` writes them; left out: a random motion within the "
+        "limits of the URDF.",
     ),
     duration: float = Option(10.0, min=1.0, help="Seconds of the random motion."),
     motion_seed: int = Option(1, min=0, help="Of the random motion."),
-    seed: list[int] | None = Option(
-        None, min=0, help="Of the noise; several write several bags, BAG-SEED.mcap."
-    ),
+    seed: list[int] | None = Option(None, min=0, help="Of the noise; several: BAG-SEED.mcap."),
     effects: Path | None = Option(
         None,
         metavar="gap.json",
-        help="A diagnosis: the robot has its extended parameters and its accepted effects. "
-        "Or a file of effects written by hand (docs/simulation.md).",
+        help="A diagnosis, whose parameters and effects the robot has; or effects written by hand "
+        "(docs/simulation.md).",
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -49,6 +47,8 @@ def simulate_command(
 
     Example: idim-iv simulate --config config/tx40.yaml --out tx40.mcap --effects gap.json --seed 1
     """
+    import numpy as np
+
     from idim_iv_ros.configuration import load_configuration
 
     output = Output(quiet=quiet, as_json=as_json)
@@ -74,14 +74,13 @@ def simulate_command(
     if (urdf := configuration.robot.description) is not None:
         robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
         output.warn(robot.doubts)
-    rows = []
-    for column, (joint, kind) in enumerate(
-        zip(configuration.robot.joints, bags[0].joint_types, strict=True)
-    ):
-        torque = max(float(bag.peak_torque[column]) for bag in bags)
-        error = max(1e3 * float(bag.peak_error[column]) for bag in bags)
-        peaks = ((torque, "N m"), (error, "mrad"))
-        rows.append((joint, *(f"{peak:.3g} {unit_at(unit, kind)}" for peak, unit in peaks)))
+    torques = np.max([bag.peak_torque for bag in bags], axis=0)
+    errors = 1e3 * np.max([bag.peak_error for bag in bags], axis=0)
+    joints = zip(configuration.robot.joints, bags[0].joint_types, torques, errors, strict=True)
+    rows = [
+        (joint, f"{torque:.3g} {unit_at('N m', kind)}", f"{error:.3g} {unit_at('mrad', kind)}")
+        for joint, kind, torque, error in joints
+    ]
     columns = ("joint", ">effort", ">tracking error")
     print_table(output.console, "Largest over the recording", columns, rows)
     for bag in bags:
@@ -96,34 +95,21 @@ def simulate_command(
 
 def export_command(
     result: Annotated[
-        Path,
-        Argument(
-            metavar="RESULT.json|GAP.json",
-            help="What `idim-iv identify` or `idim-iv diagnose` wrote.",
-        ),
+        Path, Argument(metavar="RESULT.json|GAP.json", help="Of `identify` or `diagnose`.")
     ],
     config: shared.Config,
     out: shared.Out,
     refit: bool = Option(
-        False,
-        "--refit",
-        help="Of a diagnosis all parameters of its refit, not the named causes alone.",
+        False, "--refit", help="Of a diagnosis all parameters of its refit, not the causes alone."
     ),
     without: list[str] | None = Option(
-        None,
-        metavar="CAUSE[@JOINT]",
-        help="Leave out a named cause, for example payload; may be given again.",
+        None, metavar="CAUSE[@JOINT]", help="Leave out a named cause; may be given again."
     ),
     remainder: bool = Option(
-        False,
-        "--remainder",
-        help="Spread what no cause explains over links and joints, as far as the recording "
-        "asks for it.",
+        False, "--remainder", help="Spread what no cause explains over links and joints."
     ),
     randomize: bool = Option(
-        False,
-        "--randomize",
-        help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo.",
+        False, "--randomize", help="The same, and ranges: sample(model, rng) for MuJoCo."
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -141,16 +127,9 @@ def export_command(
     from idim_iv_ros.simulator_files.export import export
 
     output = Output(quiet=quiet, as_json=as_json)
-    paths = export(
-        result,
-        load_configuration(config),
-        out,
-        force=force,
-        refit=refit,
-        without=without or (),
-        remainder=remainder,
-        randomize=randomize,
-    )
+    how = {"refit": refit, "remainder": remainder, "randomize": randomize}
+    configuration = load_configuration(config)
+    paths = export(result, configuration, out, force=force, without=without or (), **how)
     files = [str(file) for file in paths.files]
     notes, missing = list(paths.notes), list(paths.not_native)
     output.document({"files": files, "not_native": missing, "notes": notes})
@@ -158,10 +137,8 @@ def export_command(
         output.line(f"Note: {note}")
     if missing:
         why = "MuJoCo has no element for" if paths.urdf else "Your MJCF was not given elements for"
-        output.line(
-            f"{why} {', '.join(missing)}: {paths.effects.name} holds "
-            "them for its loop (docs/simulators.md)"
-        )
+        where = f"{paths.effects.name} holds them for its loop (docs/simulators.md)"
+        output.line(f"{why} {', '.join(missing)}: {where}")
     for file in files:
         output.line(f"Written: {file}")
     output.line(f"What is new, and how sure it is: {paths.changes}")
@@ -179,15 +156,12 @@ def replay_command(
     bags: shared.Bags,
     config: shared.Config,
     model: str = Option(
-        "urdf",
-        metavar="urdf|ROBOT.xml",
-        help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
+        "urdf", metavar="urdf|ROBOT.xml", help="An MJCF; urdf: it is made from the nominal model."
     ),
     effects: Path | None = Option(
         None,
         metavar="effects.json|gap.json",
-        help="What the robot has beyond the model: a file of effects, or a diagnosis, whose "
-        "parameters are taken too where --model is urdf.",
+        help="A file of effects; or a diagnosis, whose parameters count where --model is urdf.",
     ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,

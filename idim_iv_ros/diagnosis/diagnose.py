@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idim_iv_ros.compilation import one_thread
+from idim_iv_ros.compilation import one_thread, return_freed_memory
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.against.changes import agreement, numbers_apart, with_effects
@@ -46,7 +46,6 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePaths, as_paths
 from idim_iv_ros.identification.identify import consistent_parameters, software_versions
 from idim_iv_ros.identification.prepare import ARMATURE_MISSING, read_configured
-from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.progress import Progress, Stopwatch

@@ -3,6 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Sequence
+from datetime import datetime, timezone
 from importlib.metadata import version
 from typing import get_args
 
@@ -20,18 +21,28 @@ from idim_iv_ros.fleet.result import (
     RobotQuantity,
     Screened,
     TypeQuantity,
+    iso_time,
 )
 from idim_iv_ros.fleet.statistics.common_causes import causes_of_robot, common_causes, sentences
 from idim_iv_ros.fleet.statistics.outliers import FALSE_DISCOVERIES
 from idim_iv_ros.fleet.statistics.outliers import LEAST as LEAST_ROBOTS
-from idim_iv_ros.fleet.statistics.quantities import stamp_of, types_of
 from idim_iv_ros.fleet.statistics.random_effects import LEVEL, type_estimate
-from idim_iv_ros.fleet.statistics.robots import ComparedType, compare_robots, resemblance
+from idim_iv_ros.fleet.statistics.robots import (
+    DAY,
+    ComparedType,
+    compare_robots,
+    resemblance,
+    types_of,
+)
 from idim_iv_ros.model.parameters import words_of_name
 from idim_iv_ros.statistics.change_points import LEAST as LEAST_BAGS
+from idim_iv_ros.types import FloatArray
 
 _TYPICAL = 3  # ordinary robots that represent their type
 _NEWEST = 3  # bags of a robot that are diagnosed
+# Share of a robot's bags that cannot be used from which on its recordings need attention.
+_MANY_UNUSED = 0.2
+_RESIDUAL = "residual "  # what names of a joint's residual begin with
 _OF_BAG = ("uri", "robot", "type", "time", "status", "duration")
 _SOFTWARE = ("idim-iv-ros", "numpy", "scipy")
 _WHY_DIAGNOSE = {
@@ -45,19 +56,17 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     """Compare the robots of a fleet by the results of its bags.
 
     `results` are those of all bags, unusable ones included, each recording once (`identify_bags`).
-    Their order matters for the list of bags alone.
-
-    Raises UsageError: there is no bag.
+    Their order matters for the list of bags alone. Raises UsageError: there is no bag.
     """
     if not results:
         raise UsageError("a fleet needs at least one bag; none was found")
-    why_not = {}
-    for place, bag in enumerate(results):
-        if bag.status != "ok":
-            why_not[place] = bag.reason or bag.status
-        elif not bag.names:
-            why_not[place] = "it says nothing of any parameter"
-    groups = types_of([bag for place, bag in enumerate(results) if place not in why_not])
+    why_not = [
+        (bag.reason or bag.status)
+        if bag.status != "ok"
+        else ("" if bag.names else "it says nothing of any parameter")
+        for bag in results
+    ]
+    groups = types_of([bag for bag, why in zip(results, why_not, strict=True) if not why])
     other = {id(bag) for group in groups for bag in group.other_model}
     unused: dict[tuple[str, str], list[BagResult]] = defaultdict(list)
     for place, bag in enumerate(results):
@@ -65,7 +74,7 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
             why_not[place] = (
                 f"its base parameters, geometry or unit are not those of most bags of {bag.type}"
             )
-        if place in why_not:
+        if why_not[place]:
             unused[bag.type, bag.robot].append(bag)
     types: list[FleetType] = []
     robots: list[FleetRobot] = []
@@ -73,25 +82,31 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     for compared in compare_robots(groups):
         kind = _fleet_type(compared)
         members = [
-            fleet_robot(compared, place, kind.quantities, unused.pop((kind.type, robot.robot), []))
+            _fleet_robot(compared, place, kind.quantities, unused.pop((kind.type, robot.robot), []))
             for place, robot in enumerate(compared.bags.robots)
         ]
         types.append(kind)
         robots += members
         screen += _screen(compared, members)
-    robots += [robot_without_bags(kind, name, bags) for (kind, name), bags in unused.items()]
+    robots += [
+        FleetRobot(
+            robot=name,
+            type=kind,
+            attention="recordings",
+            reasons=(_unused_words(bags, 0), "nothing is known of it"),
+            bags=0,
+            not_used=len(bags),
+        )
+        for (kind, name), bags in unused.items()
+    ]
     return FleetResult(
         false_discoveries=FALSE_DISCOVERIES,
         level=LEVEL,
         types=tuple(types),
         robots=tuple(sorted(robots, key=_urgency)),
         bags=tuple(
-            FleetBag(
-                **{name: getattr(bag, name) for name in _OF_BAG},
-                used=place not in why_not,
-                why_not=why_not.get(place, ""),
-            )
-            for place, bag in enumerate(results)
+            FleetBag(**{name: getattr(bag, name) for name in _OF_BAG}, used=not why, why_not=why)
+            for bag, why in zip(results, why_not, strict=True)
         ),
         screen=tuple(screen),
         software={name: version(name) for name in _SOFTWARE},
@@ -99,7 +114,6 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
 
 
 def _fleet_type(compared: ComparedType) -> FleetType:
-    """Return the results on one type: quantities, common causes, and what is not judged."""
     group = compared.bags
     causes = {
         robot.robot: causes_of_robot(robot.bags)
@@ -125,7 +139,6 @@ def _fleet_type(compared: ComparedType) -> FleetType:
 
 
 def _notes(compared: ComparedType) -> list[str]:
-    """Return sentences on what cannot be judged of a type, and why."""
     notes = []
     count = len(compared.bags.robots)
     robots = f"{count} robot{'s' if count != 1 else ''}"
@@ -155,15 +168,20 @@ def _notes(compared: ComparedType) -> list[str]:
     return notes
 
 
+def _in_units(compared: ComparedType, values: FloatArray) -> FloatArray:
+    """Return quantities (…, m) in their units: residuals are compared as logarithms."""
+    residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
+    return np.where(residual, np.exp(values), values)
+
+
 def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
     """Return each quantity over the robots that do not differ in it."""
     differing = compared.outlying.chosen.entries
     values = np.where(differing, np.nan, compared.estimates.ordinary_values)
     numbers = type_estimate(values, compared.estimates.ordinary_variances)
-    numbers["between_bags"] = np.sqrt(compared.between)
-    residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
     for name in ("mean", "mean_low", "mean_high", "next_low", "next_high"):
-        numbers[name] = np.where(residual, np.exp(numbers[name]), numbers[name])
+        numbers[name] = _in_units(compared, numbers[name])
+    numbers["between_bags"] = np.sqrt(compared.between)
     names = np.array([robot.robot for robot in compared.bags.robots])
     return tuple(
         TypeQuantity(
@@ -176,10 +194,7 @@ def _type_quantities(compared: ComparedType) -> tuple[TypeQuantity, ...]:
 
 
 def _screen(compared: ComparedType, robots: Sequence[FleetRobot]) -> list[Screened]:
-    """Return the robots of a type that deserve a diagnosis, and typical ones.
-
-    Typical are the ordinary robots with the smallest largest studentised distance.
-    """
+    """Return the robots to diagnose: conspicuous ones, and the most ordinary ones of the type."""
     conspicuous: list[Screened] = []
     typical: list[tuple[float, str, Screened]] = []
     for robot, bags in zip(robots, compared.bags.robots, strict=True):
@@ -205,12 +220,7 @@ def _urgency(robot: FleetRobot) -> tuple[int, float, float, str, str]:
     return attention, -distance, min(p_values, default=1.0), robot.type, robot.robot
 
 
-# Share of a robot's bags that cannot be used from which on its recordings need attention.
-_MANY_UNUSED = 0.2
-_RESIDUAL = "residual "  # what names of a joint's residual begin with
-
-
-def fleet_robot(
+def _fleet_robot(
     compared: ComparedType,
     place: int,
     type_quantities: Sequence[TypeQuantity],
@@ -221,14 +231,11 @@ def fleet_robot(
     quantities = _quantities(compared, place)
     changed = map(int, np.flatnonzero(over_time.changed))
     changes = sorted((_change(compared, place, k) for k in changed), key=lambda c: c.p_value)
-    differing = sorted(
-        ((q, usual) for q, usual in zip(quantities, type_quantities, strict=True) if q.differs),
-        key=lambda pair: -abs(pair[0].distance),
-    )
+    pairs = zip(quantities, type_quantities, strict=True)
+    differing = [pair for pair in pairs if pair[0].differs]
+    differing.sort(key=lambda pair: -abs(pair[0].distance))
     unsteady = ", ".join(q.name for q in quantities if q.unsteady)
-    joints = [
-        usual.name.removeprefix(_RESIDUAL) for usual in type_quantities if usual.kind == "residual"
-    ]
+    joints = [q.name.removeprefix(_RESIDUAL) for q in type_quantities if q.kind == "residual"]
     reasons = [_difference_words(*pair, joints) for pair in differing]
     reasons += [_change_words(change, joints) for change in changes]
     if unsteady:
@@ -263,43 +270,30 @@ def fleet_robot(
     )
 
 
-def robot_without_bags(kind: str, name: str, bags: Sequence[BagResult]) -> FleetRobot:
-    """Return the result of a robot of which no bag could be used."""
-    reasons = (_unused_words(bags, 0), "nothing is known of it")
-    return FleetRobot(
-        robot=name, type=kind, attention="recordings", reasons=reasons, bags=0, not_used=len(bags)
-    )
-
-
 def _quantities(compared: ComparedType, place: int) -> tuple[RobotQuantity, ...]:
-    """Return all quantities of a robot in their units; residuals are compared as logarithms."""
     estimates, outlying = compared.estimates, compared.outlying
     value, half = estimates.values[place], estimates.half[place]
-    residual = [quantity.kind == "residual" for quantity in compared.bags.quantities]
-    ends = np.array([value, value - half, value + half])
-    values, low, high = np.where(residual, np.exp(ends), ends)
+    ends = _in_units(compared, np.array([value, value - half, value + half]))
+    rows = {
+        **dict(zip(("value", "low", "high"), ends, strict=True)),
+        "distance": outlying.statistics[place],
+        "p_value": outlying.p_values[place],
+        "differs": outlying.chosen.entries[place],
+        "changed": compared.changes[place].changed,
+        "unsteady": estimates.unsteady[place],
+    }
     return tuple(
-        RobotQuantity(
-            name=quantity.name,
-            value=float(values[k]),
-            low=float(low[k]),
-            high=float(high[k]),
-            distance=float(outlying.statistics[place, k]),
-            p_value=float(outlying.p_values[place, k]),
-            differs=bool(outlying.chosen.entries[place, k]),
-            changed=bool(compared.changes[place].changed[k]),
-            unsteady=bool(estimates.unsteady[place, k]),
-        )
+        RobotQuantity(name=quantity.name, **{name: row[k].item() for name, row in rows.items()})
         for k, quantity in enumerate(compared.bags.quantities)
     )
 
 
 def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
-    """Return the change of one quantity of a robot, with the series in which it was found."""
     robot, quantity = compared.bags.robots[place], compared.bags.quantities[column]
     rows, change = compared.changes[place].rows[column], compared.changes[place].changes[column]
     assert change is not None
-    times = tuple(stamp_of(float(time)) for time in robot.times[rows])
+    stamps = np.round(robot.times[rows] * DAY).tolist()
+    times = tuple(iso_time(datetime.fromtimestamp(stamp, tz=timezone.utc)) for stamp in stamps)
     values, fitted = robot.values[rows, column], change.fitted
     stds = np.sqrt(robot.variances[rows, column] + np.nan_to_num(compared.between[column]))
     numbers = np.array([change.before, change.before + change.size, change.size,
@@ -326,56 +320,55 @@ def _change(compared: ComparedType, place: int, column: int) -> ParameterChange:
 
 
 def _unused_words(unused: Sequence[BagResult], used: int) -> str:
-    """Return a sentence on how many bags of a robot are unusable, missing or corrupt."""
-    statuses = [bag.status for bag in unused]
-    counts = {status: statuses.count(status) for status in ("missing", "corrupt")}
-    detail = "".join(f", {count} of them {name}" for name, count in counts.items() if count)
-    detail = next((f": {name}" for name, n in counts.items() if n == len(unused)), detail)
+    detail = ""
+    for status in ("missing", "corrupt"):
+        count = sum(bag.status == status for bag in unused)
+        if count == len(unused):
+            detail = f": {status}"
+        elif count:
+            detail += f", {count} of them {status}"
     return f"{len(unused)} of {len(unused) + used} bags could not be used{detail}"
 
 
 def _difference_words(quantity: RobotQuantity, usual: TypeQuantity, joints: Sequence[str]) -> str:
-    """Return a sentence on the quantity in which a robot differs from its type, and how far."""
     far = math.isfinite(quantity.distance)
     distance = f"{abs(quantity.distance):.3g} standard deviations" if far else ""
     side = "above" if quantity.distance > 0.0 else "below"
+    what = _words(quantity.name, joints)
     if usual.kind == "residual":
         factor = quantity.value / usual.mean if usual.mean > 0.0 else math.nan
-        joint = usual.name.removeprefix(_RESIDUAL)
         return (
-            f"the residual of {joint} is {factor:.3g} times that of the type "
+            f"{what} is {factor:.3g} times that of the type "
             f"({_number(quantity.value)} {usual.unit}; {distance} {side})"
         )
     when = " before it changed" if quantity.changed else ""
     return (
-        f"{_parameter_words(quantity.name, joints)}{when} is {distance} {side} the other robots: "
+        f"{what}{when} is {distance} {side} the other robots: "
         f"{_number(quantity.value)} {usual.unit}, the type has {_number(usual.mean)} ± "
         f"{_number(usual.sigma, 2)} from robot to robot"
     )
 
 
 def _change_words(change: ParameterChange, joints: Sequence[str]) -> str:
-    """Return a sentence on what changed, when, and by how much."""
     first, last = change.begin_low[:10], change.begin_high[:10]
     when = f"on {first}" if first == last else f"between {first} and {last}"
-    what = _parameter_words(change.name, joints)
-    numbers = (
-        f"from {_number(change.before)} to {_number(change.after)} {change.unit} (change "
-        f"{change.size:+.3g}, {change.size_low:+.3g} to {change.size_high:+.3g})"
-    )
+    after = f"to {_number(change.after)} {change.unit}"
     if change.name.startswith(_RESIDUAL):
-        what = f"the residual of {change.name.removeprefix(_RESIDUAL)}"
-        numbers = (
-            f"by a factor of {change.size:.3g} ({change.size_low:.3g} to {change.size_high:.3g}), "
-            f"to {_number(change.after)} {change.unit}"
-        )
+        interval = f"{change.size_low:.3g} to {change.size_high:.3g}"
+        numbers = f"by a factor of {change.size:.3g} ({interval}), {after}"
+    else:
+        interval = f"{change.size_low:+.3g} to {change.size_high:+.3g}"
+        numbers = f"from {_number(change.before)} {after} (change {change.size:+.3g}, {interval})"
+    what = _words(change.name, joints)
     if change.kind == "step":
         return f"{what} changed {numbers} at once, {when}"
     return f"{what} has been changing {numbers} since a time {when}"
 
 
-def _parameter_words(name: str, joints: Sequence[str]) -> str:
-    """Return a base parameter in words, with its name: “link mass at joint_2 (M2)”."""
+def _words(name: str, joints: Sequence[str]) -> str:
+    """Return a quantity in words: “link mass at joint_2 (M2)”, “the residual of joint_2”."""
+    if name.startswith(_RESIDUAL):
+        return f"the residual of {name.removeprefix(_RESIDUAL)}"
     words = words_of_name(name, joints)
     return words if words == name else f"{words} ({name})"
 

@@ -1,6 +1,7 @@
 """Identification of one bag: its estimate, and the R factor for regressions over many bags."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from typing import Any
@@ -12,11 +13,10 @@ from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.estimation.qr import r_factor, stacked_r_factor
-from idim_iv_ros.fleet.result import JointNoise
-from idim_iv_ros.fleet.source import iso_time
+from idim_iv_ros.fleet.result import JointNoise, iso_time
 from idim_iv_ros.identification.identify import Identified, assemble_result, identified
 from idim_iv_ros.identification.prepare import loss_sentences
-from idim_iv_ros.identification.result import Estimator, IdentificationResult
+from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.progress import Stopwatch
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import torque_noise
@@ -47,8 +47,7 @@ def bag_fields(
 ) -> dict[str, Any]:
     """Identify the segments of one bag in turn; return the fields of `BagResult` from `time` on.
 
-    Raises UsageError or DataError: as `identify`; a segment that supports no estimate is left out
-    if another one does.
+    A segment that supports no estimate is left out if another one does; else errors of `identify`.
     """
     segments: list[Segment] = []
     errors: list[DataError] = []
@@ -66,7 +65,6 @@ def bag_fields(
 
 
 def _segment(recording: Recording, configuration: Configuration) -> Segment:
-    """Identify one recording, and keep what the estimate of the whole bag needs of it."""
     identification = identified([recording], configuration, "idim-iv", Stopwatch(None))
     result = assemble_result(identification)
     return Segment(
@@ -83,8 +81,8 @@ def _segment(recording: Recording, configuration: Configuration) -> Segment:
 def whitened_r_factor(identification: Identified) -> FloatArray:
     """Return R (b + 1, b + 1) of [X y], each joint whitened by the model of its residual.
 
-    The whitened residual has unit variance, so that stacked rows of different joints and bags have
-    the right weight. The diagonal is not negative, so that equal rows have equal factors.
+    The whitened residual has unit variance: rows of joints and bags have the right weight. The
+    diagonal is not negative, so that equal rows have equal factors.
     """
     rows, models = identification.rows, identification.validation.models
     width = len(identification.prepared.model.base.columns) + 1
@@ -100,7 +98,6 @@ def stacked(factors: Sequence[FloatArray]) -> FloatArray:
 
 
 def _square(factor: FloatArray) -> FloatArray:
-    """Return a square R factor whose diagonal is not negative."""
     width = factor.shape[1]
     whole = np.zeros((width, width))
     signs = np.where(np.diag(factor) < 0.0, -1.0, 1.0)
@@ -110,40 +107,40 @@ def _square(factor: FloatArray) -> FloatArray:
 
 def _why_not(result: IdentificationResult) -> str:
     """Return why a bag is represented by least squares; empty if the instruments are accepted."""
-    instruments = result.instruments
-    if instruments.accepted:
-        return ""
-    if instruments.accepted is None:
-        reason = next((test.reason for test in instruments.tests if test.reason), None)
-        return f"the instruments could not be tested: {reason or instruments.source}"
-    rejected = [t.scope for t in instruments.tests if t.accepted is False and t.scope != "all"]
+    accepted, tests = result.instruments.accepted, result.instruments.tests
+    if accepted is None:
+        reasons = (test.reason for test in tests if test.reason)
+        reason = next(reasons, result.instruments.source)
+        return f"the instruments could not be tested: {reason}"
+    rejected = [test.scope for test in tests if test.accepted is False and test.scope != "all"]
     where = f" at {', '.join(rejected)}" if rejected else ""
-    return f"the instruments are rejected{where}"
+    return "" if accepted else f"the instruments are rejected{where}"
 
 
 def _join(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any]:
-    """Return the fields of `BagResult` from all segments; `left_out` has reasons of failed ones."""
     first, result = segments[0], segments[0].result
     factor = stacked([segment.r_factor for segment in segments])
     samples = {joint: sum(segment.rows[joint] for segment in segments) for joint in first.rows}
-    rows = sum(samples.values())
+    weights = [sum(segment.rows.values()) for segment in segments]
     why = next(filter(None, (_why_not(segment.result) for segment in segments)), "")
-    estimator: Estimator = "idim-ls" if why else "idim-iv"
-    values, std = _values(segments, factor, rows, estimator)
-    worst = min((segment.result.verdict for segment in segments),
-                key=lambda overall: _VERDICTS.index(overall.verdict))  # fmt: skip
+    values, std = _values(segments, factor, sum(weights), instruments=not why)
+    verdicts = [segment.result.verdict for segment in segments]
+    worst = min(verdicts, key=lambda overall: _VERDICTS.index(overall.verdict))
     noise = np.array(
         [[[joint.rms for joint in s.result.residuals], s.floor] for s in segments], dtype=float
     )
-    weights = [sum(segment.rows.values()) for segment in segments]
     rms, floor = np.sqrt(np.average(noise**2, axis=0, weights=weights))
     checks = list(dict.fromkeys(check for segment in segments for check in segment.checks))
     count = len(segments) + len(left_out)
     if count > 1:
         checks.insert(0, f"read in {count} segments")
     given = [p.given_value for p in result.parameters if p.given_value is not None]
+    time = None  # where the first stamp is no date
+    with suppress(ValueError, OverflowError, OSError):
+        start = datetime.fromtimestamp(first.start, timezone.utc)
+        time = iso_time(start) if start.year >= _FIRST_YEAR else None
     return {
-        "time": date_of(first.start),
+        "time": time,
         "duration": sum(segment.duration for segment in segments),
         "samples": samples,
         "names": tuple(p.name for p in result.parameters),
@@ -152,9 +149,9 @@ def _join(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any
         "kinematics": result.kinematics,
         "effort_unit": result.effort_unit,
         "r_factor": factor,
-        "rows": rows,
+        "rows": sum(weights),
         "noise": tuple(map(JointNoise, samples, rms.tolist(), floor.tolist())),
-        "estimator": estimator,
+        "estimator": "idim-ls" if why else "idim-iv",
         "why_least_squares": why,
         "values": tuple(values.tolist()),
         "std": tuple(std.tolist()),
@@ -167,36 +164,26 @@ def _join(segments: Sequence[Segment], left_out: Sequence[str]) -> dict[str, Any
 
 
 def _values(
-    segments: Sequence[Segment], factor: FloatArray, rows: int, estimator: Estimator
+    segments: Sequence[Segment], factor: FloatArray, rows: int, *, instruments: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return estimate and standard deviations (b,) of the bag from all its segments.
 
     Segments are independent: IDIM-IV estimates are averaged with the inverse of their covariances
     as weights, and least squares is solved on the stacked R factor.
     """
-    names = ("value", "std") if estimator == "idim-iv" else ("ls_value", "ls_std")
+    kind = "" if instruments else "ls_"
+    values, stds = (
+        np.array([[getattr(p, kind + name) for p in s.result.parameters] for s in segments])
+        for name in ("value", "std")
+    )
     if len(segments) == 1:
-        parameters = segments[0].result.parameters
-        values, std = (np.array([getattr(p, name) for p in parameters]) for name in names)
-        return values, std
-    if estimator == "idim-iv":
+        return values[0], stds[0]
+    if instruments:
         weights = [np.linalg.inv(segment.result.covariance) for segment in segments]
         covariance = np.linalg.inv(np.sum(weights, axis=0))
-        weighted = [
-            weight @ [parameter.value for parameter in segment.result.parameters]
-            for weight, segment in zip(weights, segments, strict=True)
-        ]
+        weighted = [weight @ value for weight, value in zip(weights, values, strict=True)]
         return covariance @ np.sum(weighted, axis=0), np.sqrt(np.diag(covariance))
     upper, right = factor[:-1, :-1], factor[:-1, -1]
     inverse = scipy.linalg.solve_triangular(upper, np.eye(len(upper)))
     variance = factor[-1, -1] ** 2 / max(1, rows - len(upper))
     return inverse @ right, np.sqrt(variance * np.sum(inverse**2, axis=1))
-
-
-def date_of(stamp: float) -> str | None:
-    """Return a recording's first stamp, s since 1970, as ISO 8601; None if it is no date."""
-    try:
-        time = datetime.fromtimestamp(stamp, timezone.utc)
-    except (ValueError, OverflowError, OSError):
-        return None
-    return iso_time(time) if time.year >= _FIRST_YEAR else None

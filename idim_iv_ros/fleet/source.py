@@ -1,17 +1,29 @@
-"""The bags of a fleet: list them, find their robots, and open them, locally or by fsspec."""
+"""Bags and robots of a fleet: found, opened locally or by fsspec, and known by their digests."""
 
 import csv
+import errno
+import hashlib
 import io
+import json
+import os
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
-from datetime import datetime, timezone
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import cache
+from importlib import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from idim_iv_ros.errors import UsageError, one_line
+from idim_iv_ros.configuration import Configuration, load_configuration
+from idim_iv_ros.errors import DataError, UsageError, one_line
+from idim_iv_ros.files import is_there
+from idim_iv_ros.fleet.result import BagResult, iso_time, time_of
+from idim_iv_ros.identification.prepare import configured_request
+from idim_iv_ros.model import build_inverse_model, read_urdf_file
 from idim_iv_ros.recording.bags.bag_file import ByteSource
-from idim_iv_ros.recording.bags.folder import Bag, is_bag_file
+from idim_iv_ros.recording.bags.folder import Bag, bag_files, is_bag_file
 
 # Classes of the clients of stores, by their names: which of them is installed nobody knows.
 _CREDENTIALS = re.compile("Credential|Token|Profile|Authentication|SSO", re.IGNORECASE)
@@ -20,12 +32,14 @@ _GIVEN = "for s3:// AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE,
 INSTALL = 'a fleet needs Dask: pip install "idim-iv-ros[fleet]"'
 
 
+@dataclass
 class FetchedFile:
     """A file of an fsspec file system as a `ByteSource`; `fetched` counts the bytes read."""
 
-    def __init__(self, system: Any, path: str, size: int):
-        self.system, self.path, self.size = system, path, size
-        self.fetched = 0
+    system: Any
+    path: str
+    size: int
+    fetched: int = 0
 
     def read(self, first: int, last: int) -> bytes:
         """Return the bytes `first` to `last`, the end excluded; OSError if unreachable."""
@@ -41,10 +55,7 @@ class StoreError(OSError):
 
 
 def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
-    """Call a file system, and turn its errors into OSErrors.
-
-    Raises StoreError: access is denied, or the store does not answer. OSError: as for local files.
-    """
+    """Call a file system; its errors become OSErrors, or StoreError where the store is at fault."""
     try:
         return function(*arguments, **named)
     except FileNotFoundError as error:
@@ -63,10 +74,7 @@ def reachable(function: Any, *arguments: Any, **named: Any) -> Any:
 
 
 def file_system(uri: str) -> tuple[Any, str]:
-    """Return the file system of a path or URL, and the path in it.
-
-    Raises UsageError: no library for such a URL is installed.
-    """
+    """Return file system and path of a URL or path; a UsageError where no library opens it."""
     try:
         from fsspec import available_protocols
         from fsspec.core import url_to_fs
@@ -74,22 +82,14 @@ def file_system(uri: str) -> tuple[Any, str]:
         raise UsageError(INSTALL) from error
     scheme = uri.partition("://")[0]
     try:
-        system, path = url_to_fs(uri)
-    except ImportError as error:
-        words = f"{scheme}:// needs a package: {error}"
-        raise UsageError(f"{uri}: cannot be opened: {words}") from error
+        return url_to_fs(uri)  # type: ignore[no-any-return]
     except Exception as error:
         words = one_line(error)
-        if scheme != uri and scheme not in available_protocols():
+        if isinstance(error, ImportError):
+            words = f"{scheme}:// needs a package: {error}"
+        elif scheme != uri and scheme not in available_protocols():
             words = f"{scheme}:// is no kind of store; s3://, gs://, abfs:// and https:// are"
         raise UsageError(f"{uri}: cannot be opened: {words}") from error
-    return system, str(path)
-
-
-def require_stores(uris: Iterable[str]) -> None:
-    """Raise UsageError for the first URL that no installed library opens."""
-    for uri in {uri.partition("://")[0]: uri for uri in uris if not is_local(uri)}.values():
-        file_system(uri)
 
 
 def is_local(uri: str) -> bool:
@@ -103,19 +103,15 @@ def local_path(uri: str) -> Path:
 
 
 def open_bag(uri: str) -> Bag:
-    """Return a bag at a path or URL, not read yet.
-
-    Raises OSError: it cannot be found, or its store does not answer.
-    """
+    """Return a bag at a path or URL, not read yet; an OSError says why it cannot be found."""
     if is_local(uri):
         return Bag(local_path(uri))
     system, path = file_system(uri)
-    files = bag_parts(system, path)
     sources: dict[Path, ByteSource] = {
-        Path(PurePosixPath(part["name"]).name): FetchedFile(system, part["name"], part["size"])
-        for part in files
+        Path(Path(part["name"]).name): FetchedFile(system, part["name"], part["size"])
+        for part in bag_parts(system, path)
     }
-    return Bag(Path(PurePosixPath(path).name), sources)
+    return Bag(Path(Path(path).name), sources)
 
 
 def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
@@ -128,9 +124,6 @@ def bag_parts(system: Any, path: str) -> list[dict[str, Any]]:
     if not files:
         raise FileNotFoundError(0, "no .mcap or .db3 file in this folder")
     return sorted(files, key=lambda part: (len(part["name"]), part["name"]))
-
-
-METADATA = "metadata.yaml"  # of a rosbag2 folder
 
 
 @dataclass(frozen=True)
@@ -147,10 +140,8 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
     """List the bags of a fleet, in the order of the manifest or of their paths.
 
     A source is a manifest (``.csv``, ``.parquet``) with the columns uri and robot, optionally type
-    and time. Or a folder or URL, in which bags are searched: ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``;
-    bags that lie directly in it are of one robot.
-
-    Raises UsageError: nothing is there, no bag is found, or the manifest is wrong.
+    and time; or a folder or URL with ``ROBOT/BAG`` or ``TYPE/ROBOT/BAG``; bags directly in it are
+    of one robot. Raises UsageError: no bag is found, or the manifest is wrong.
     """
     system, path = file_system(source)
     try:
@@ -159,17 +150,19 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
             return _manifest(source, _rows(source, bytes(content)))
         folder, files = path, [path]
         if reachable(system.info, path)["type"] == "directory":
-            files = [str(text) for text in reachable(system.find, path)]
+            files = reachable(system.find, path)
         else:
             folder = str(PurePosixPath(path).parent)
     except FileNotFoundError as error:
         raise UsageError(f"{source}: no such file, folder or URL") from error
     except OSError as error:
         raise UsageError(f"{source}: cannot be read: {error.strerror or error}") from error
-    entries = [
-        _entry(bag, folder, bag if is_local(source) else system.unstrip_protocol(bag))
-        for bag in _bags(files)
-    ]
+    entries = []
+    for bag in _bags(files):
+        parts = PurePosixPath(bag).relative_to(folder).parts
+        robot = parts[-2] if len(parts) > 1 else PurePosixPath(folder).name
+        uri = bag if is_local(source) else system.unstrip_protocol(bag)
+        entries.append(BagEntry(uri, robot, parts[-3] if len(parts) > 2 else ""))
     if not entries:
         raise UsageError(f"{source}: no bag found (.mcap, .db3 or a rosbag2 folder)")
     return tuple(entries)
@@ -177,24 +170,13 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
 
 def _bags(files: Iterable[str]) -> list[str]:
     """Return the bags among the files of a tree: rosbag2 folders, and files outside them."""
-    paths = [PurePosixPath(text) for text in files]
-    paths = [path for path in paths if not path.name.startswith(".")]
-    folders = {path.parent for path in paths if path.name == METADATA}
-    bags = {
-        path.parent if path.parent in folders else path for path in paths if is_bag_file(path.name)
-    }
-    return sorted(map(str, bags))
-
-
-def _entry(bag: str, folder: str, uri: str) -> BagEntry:
-    """Return the entry of a bag, with robot and type from the folders in which it lies."""
-    parts = PurePosixPath(bag).relative_to(folder).parts
-    robot = parts[-2] if len(parts) > 1 else PurePosixPath(folder).name
-    return BagEntry(uri, robot, parts[-3] if len(parts) > 2 else "")
+    paths = [path for path in map(PurePosixPath, files) if not path.name.startswith(".")]
+    folders = {path.parent for path in paths if path.name == "metadata.yaml"}
+    bags = [path for path in paths if is_bag_file(path.name)]
+    return sorted({str(path.parent if path.parent in folders else path) for path in bags})
 
 
 def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
-    """Return the rows of a manifest, each a dictionary by column."""
     if source.endswith(".parquet"):
         import pyarrow
         from pyarrow import parquet
@@ -210,7 +192,6 @@ def _rows(source: str, content: bytes) -> list[dict[str, Any]]:
 
 
 def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
-    """Check the rows of a manifest, and return its bags."""
     if not rows:
         raise UsageError(f"{source}: the manifest names no bag")
     for column in ("uri", "robot"):
@@ -226,7 +207,10 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
         for column in ("uri", "robot"):
             if not isinstance(values.get(column), str):
                 raise UsageError(f"{where}: {column} is empty or no text")
-        uri = _absolute(source, values["uri"])
+        uri = values["uri"]
+        if "://" not in uri and not Path(uri).is_absolute():  # beside the manifest
+            folder = local_path(source).absolute().parent
+            uri = str(folder / uri) if is_local(source) else f"{source.rpartition('/')[0]}/{uri}"
         if uri in entries:
             raise UsageError(f"{where}: {values['uri']} is listed twice")
         kind, time = str(values.get("type", "")), _time(where, values.get("time"))
@@ -234,34 +218,153 @@ def _manifest(source: str, rows: list[dict[str, Any]]) -> tuple[BagEntry, ...]:
     return tuple(entries.values())
 
 
-def _absolute(source: str, uri: str) -> str:
-    """Return a bag's URI in a manifest as absolute, relative to the manifest."""
-    if "://" in uri or Path(uri).is_absolute():
-        return uri
-    if is_local(source):
-        return str(local_path(source).absolute().parent / uri)
-    return f"{source.rpartition('/')[0]}/{uri}"
-
-
 def _time(where: str, value: object) -> str | None:
-    if value is None:
-        return None
     try:
+        if value is None:
+            return None
         return iso_time(value if isinstance(value, datetime) else time_of(str(value)))
     except ValueError as error:
         words = f"time {value} is not in ISO 8601, as in 2026-03-01T12:00:00Z"
         raise UsageError(f"{where}: {words}") from error
 
 
-def time_of(text: str) -> datetime:
-    """Return the time in an ISO 8601 text, UTC where it names no zone; ValueError if it is none."""
-    # Python 3.10 knows no Z.
-    time = datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith(("Z", "z")) else text)
-    return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
+_BLOCK = 1 << 20  # bytes
+# What stores say of a content: a checksum first, else when it was written.
+_MARKS = (
+    *("ETag", "etag", "md5Hash", "content_md5", "crc32c", "sha256"),
+    *("LastModified", "updated", "mtime", "last_modified", "created"),
+)
+# Folders whose code, like that of fleet/statistics, changes no result of a bag.
+_WITHOUT = ("cli", "nodes", "report")
 
 
-def iso_time(time: datetime) -> str:
-    """Return a time as ``2026-03-01T12:00:00Z``; a time without zone is UTC."""
-    time = time if time.tzinfo else time.replace(tzinfo=timezone.utc)
-    text = time.astimezone(timezone.utc).isoformat(timespec="microseconds")
-    return text.replace("+00:00", "Z").replace(".000000Z", "Z")
+def content_of(uri: str) -> str:
+    """Return the digest of the content of a bag: SHA-256 of local files.
+
+    Of remote files it is that of size and checksum (else time of writing) in their store. Raises
+    OSError, UsageError or DataError: it cannot be found or read.
+    """
+    digest = hashlib.sha256()
+    if is_local(uri):
+        path = local_path(uri)
+        if not is_there(path):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        for local in bag_files(path):
+            of_file = hashlib.sha256()
+            with local.open("rb") as file:
+                while block := file.read(_BLOCK):
+                    of_file.update(block)
+            digest.update(of_file.digest())
+        return digest.hexdigest()
+    system, name = file_system(uri)
+    for part in bag_parts(system, name):
+        # A listing may say less than the store knows of one object.
+        details = reachable(system.info, part["name"])
+        mark = next((f"{key} {details[key]}" for key in _MARKS if details.get(key)), "")
+        digest.update(f"{details['size']} {mark}\n".encode())
+    return digest.hexdigest()
+
+
+def configuration_digest(configuration: Configuration, description: bytes) -> str:
+    """Return the digest of a configuration and its robot description, wherever both lie."""
+    values = configuration.changed("robot", urdf=None, mjcf=None).model_dump(mode="json")
+    kind = "mjcf" if configuration.robot.mjcf is not None else "urdf"
+    text = json.dumps([values, kind], sort_keys=True).encode()
+    return hashlib.sha256(text + hashlib.sha256(description).digest()).hexdigest()
+
+
+@cache
+def code_version() -> str:
+    """Return the version of the program with a digest of the code that makes results of bags."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        place = path.relative_to(package)
+        if place.parts[0] in _WITHOUT or place.parts[:2] == ("fleet", "statistics"):
+            continue
+        digest.update(str(place).encode() + b"\0" + path.read_bytes())
+    return f"{metadata.version('idim-iv-ros')}+{digest.hexdigest()[:16]}"
+
+
+def key_of(content: str, robot: "Robot", kind: str) -> str:
+    """Return the key under which a result of this version of the code is kept."""
+    words = (content, robot.digest, code_version(), kind)
+    return hashlib.sha256("\n".join(words).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A configuration, its URDF or MJCF (empty where bags have it), and the `digest` of both."""
+
+    configuration: Configuration
+    description: bytes
+    digest: str
+
+    @classmethod
+    def of(cls, configuration: Configuration) -> "Robot":
+        """Read the robot description, and check what would be wrong for every bag."""
+        configured_request(configuration)
+        path = configuration.robot.description
+        description = b"" if path is None else path.read_bytes()
+        if path is not None:
+            build_inverse_model(configuration, read_urdf_file(path), str(path))
+        return cls(configuration, description, configuration_digest(configuration, description))
+
+    def local(self) -> Configuration:
+        """Return the configuration with a file of the robot description on this machine."""
+        path = self.configuration.robot.description
+        if path is None or (path.is_file() and path.read_bytes() == self.description):
+            return self.configuration
+        if self.configuration.robot.mjcf is not None:
+            raise DataError(
+                f"{path}: an MJCF file reads others beside it, so that every worker needs the "
+                "same folder; put it where all of them see it"
+            )
+        return self.configuration.changed("robot", urdf=_kept(path.name, self.description))
+
+
+_folders: list[tempfile.TemporaryDirectory[str]] = []  # until the worker ends
+
+
+@cache
+def _kept(name: str, description: bytes) -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="idim_iv_")
+    _folders.append(folder)
+    path = Path(folder.name) / name
+    path.write_bytes(description)
+    return path
+
+
+def robots_of(
+    entries: Sequence[BagEntry], config: Path
+) -> tuple[tuple[BagEntry, ...], dict[str, Robot]]:
+    """Find the configuration of each robot of the bags (see `path_of`); build its model once.
+
+    Entries without a type get the name of that file as type. Raises UsageError: a robot without
+    configuration, a wrong one, or a robot of two types.
+    """
+    paths: dict[str, Path] = {}
+    types: dict[str, str] = {}
+    for entry in entries:
+        paths[entry.robot] = path = path_of(entry, config)
+        kind = entry.type or path.stem
+        if types.setdefault(entry.robot, kind) != kind:
+            raise UsageError(
+                f"{entry.uri}: robot {entry.robot} is of type {kind} here and of type "
+                f"{types[entry.robot]} elsewhere; give each robot a name of its own"
+            )
+    loaded = {path: Robot.of(load_configuration(path)) for path in set(paths.values())}
+    typed = tuple(replace(entry, type=types[entry.robot]) for entry in entries)
+    return typed, {robot: loaded[path] for robot, path in paths.items()}
+
+
+def path_of(bag: BagEntry | BagResult, config: Path) -> Path:
+    """Return `config`, or in that folder ROBOT.yaml, else TYPE.yaml; a UsageError without any."""
+    if not config.is_dir():
+        return config
+    names = [name for name in (bag.robot, bag.type) if name]
+    for name in names:
+        if "/" not in name and (path := config / f"{name}.yaml").is_file():
+            return path
+    listed = " nor ".join(f"{name}.yaml" for name in names)
+    raise UsageError(f"{config}: neither {listed} is there, for {bag.uri}")

@@ -75,11 +75,25 @@ def run_node(
         except IdimError:
             raise
         except Exception as error:  # what rclpy raises has no common class
-            raise UsageError(_start_failure(error)) from error
+            text = one_line(error)
+            words = f"cannot start: {text}"
+            if "security libraries" in text or os.environ.get("ROS_SECURITY_ENABLE") == "true":
+                words = (
+                    f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): "
+                    "does ROS_SECURITY_KEYSTORE hold an enclave for this node, and has this ROS 2 "
+                    "DDS security (the wheels of PyPI have none)?"
+                )
+            raise UsageError(words) from error
         executor = SingleThreadedExecutor()
         executor.add_node(running.node)
         try:
-            _spin(executor, running.node, stop)
+            while not stop.is_set():
+                try:
+                    executor.spin_once(timeout_sec=_WAIT)
+                except CannotGoOnError as error:
+                    raise error.why from error
+                except Exception as error:  # one bad request must not end the recording
+                    running.node.get_logger().error(one_line(error))
         finally:
             running.close()
     except IdimError as error:
@@ -88,27 +102,6 @@ def run_node(
     finally:
         try_shutdown()
     return 0
-
-
-def _spin(executor: SingleThreadedExecutor, node: Node, stop: threading.Event) -> None:
-    while not stop.is_set():
-        try:
-            executor.spin_once(timeout_sec=_WAIT)
-        except CannotGoOnError as error:
-            raise error.why from error
-        except Exception as error:  # one bad request must not end the recording
-            node.get_logger().error(one_line(error))
-
-
-def _start_failure(error: Exception) -> str:
-    text = one_line(error)
-    if "security libraries" not in text and os.environ.get("ROS_SECURITY_ENABLE") != "true":
-        return f"cannot start: {text}"
-    return (
-        f"DDS security is switched on (ROS_SECURITY_ENABLE) and cannot begin ({text}): does "
-        "ROS_SECURITY_KEYSTORE hold an enclave for this node, and has this ROS 2 DDS security (the "
-        "wheels of PyPI have none)?"
-    )
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:

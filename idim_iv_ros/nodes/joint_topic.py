@@ -11,10 +11,10 @@ from idim_iv_ros.errors import IdimError
 from idim_iv_ros.nodes.entry import steady_timer
 from idim_iv_ros.nodes.recorder.topic_monitor import batch_of
 from idim_iv_ros.nodes.recorder.topics import WatchedTopic, joint_types
-from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.prediction.live import JointSamples
 from idim_iv_ros.recording.bags.bag_file import MessageBatch
 from idim_iv_ros.recording.bags.joint_message_type import JointMessageType, SchemaText
-from idim_iv_ros.recording.bags.joint_messages import JointMessageReader, JointMessages
+from idim_iv_ros.recording.bags.joint_messages import JointMessageReader
 from idim_iv_ros.signal_source import field_of, topic_of
 from idim_iv_ros.types import FloatArray
 
@@ -29,21 +29,9 @@ _OLDEST = 1.0  # s that a message is under way; with more the clocks differ
 class JointTopic:
     """Subscription to joint quantities, in the order of the joints, decoded as in recordings.
 
-    `damaged` counts messages that are not of their type.
-
-    Parameters
-    ----------
-    node : Node
-    name : str
-        Name of the topic, resolved in the namespace of the node.
-    joints : sequence of str
-    fields : mapping of str to (str or None)
-        ``position``, ``effort`` or both, with the field of the message that holds it where the
-        configuration names one.
-    reference : bool
-        Whether the topic holds references of the controller, rather than measurements.
-    newest : bool
-        Whether only the newest messages are needed: older ones may be dropped (best effort).
+    `fields` are ``position``, ``effort`` or both, with the field of the message that holds it where
+    the configuration names one; a `reference` is the controller's. Of the `newest` messages older
+    ones may be dropped (best effort). `damaged` counts messages that are not of their type.
     """
 
     def __init__(
@@ -60,7 +48,7 @@ class JointTopic:
         types = joint_types(list(fields), named_field=any(fields.values()))
         depth = _NEWEST if newest else _DEPTH
         self._topic = WatchedTopic(
-            node, self.name, types, joints, list(fields), depth, best_effort=newest
+            node, self.name, types, depth, joints, list(fields), best_effort=newest
         )
         self._joints, self._fields, self._reference = list(joints), dict(fields), reference
         self.damaged = 0
@@ -86,26 +74,25 @@ class JointTopic:
     def take(self) -> dict[str, JointSamples]:
         """Return all samples that arrived since the last call, by quantity."""
         taken, channel = self._topic.take(_LARGEST), self._topic.channel
-        if not taken or channel is None:
-            nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
-            return dict.fromkeys(self._fields, nothing)
-        arrived = batch_of(taken)
-        # Some drivers leave the stamp empty, and arrays of numbers have none.
-        times = np.where(arrived.sent > 0, arrived.sent, arrived.received)
-        batch = MessageBatch.of(list(zip(times.tolist(), arrived.messages, strict=True)))
-        self._lacks = ""
-        schema = SchemaText("ros2msg", channel.definition.text)
-        samples: dict[str, JointSamples] = {}
-        for field in dict.fromkeys(self._fields.values()):
-            quantities = [name for name, source in self._fields.items() if source == field]
-            kind = JointMessageType(channel.message_type, schema, field, self._reference)
-            samples.update(self._read(batch, kind, quantities))
+        nothing = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(self._joints))))
+        samples = dict.fromkeys(self._fields, nothing)
+        if taken and channel is not None:
+            arrived = batch_of(taken)
+            # Some drivers leave the stamp empty, and arrays of numbers have none.
+            times = np.where(arrived.sent > 0, arrived.sent, arrived.received)
+            batch = MessageBatch.of(list(zip(times.tolist(), arrived.messages, strict=True)))
+            self._lacks = ""
+            schema = SchemaText("ros2msg", channel.definition.text)
+            for field in dict.fromkeys(self._fields.values()):
+                kind = JointMessageType(channel.message_type, schema, field, self._reference)
+                samples |= self._read(batch, kind, field)
         return samples
 
     def _read(
-        self, batch: MessageBatch, kind: JointMessageType, quantities: list[str]
+        self, batch: MessageBatch, kind: JointMessageType, field: str | None
     ) -> dict[str, JointSamples]:
         """Decode a batch into samples by quantity; note in `_lacks` why there are none."""
+        quantities = [name for name, source in self._fields.items() if source == field]
         reader = JointMessageReader(self.name, kind, self._joints, quantities)
         try:
             kind.require_readable(self.name, self.name)
@@ -116,47 +103,36 @@ class JointTopic:
         messages = reader.finish()
         self.damaged += messages.damaged
         time = np.where(messages.stamps != 0, messages.stamps, messages.arrival)
-        whole = np.any(
-            [np.isfinite(value).any(axis=1) for value in messages.values.values()], axis=0
-        )
+        whole = np.isfinite(np.hstack(list(messages.values.values()))).any(axis=1)
         self._met = self._met or bool(whole.any())
         # Between two messages of these joints there may be any number of another part's.
         if (len(time) and not whole.any()) or (messages.passed and not self._met):
-            self._lacks = self._missing(messages)
+            absent = [joint for joint in self._joints if joint not in messages.names]
+            self._lacks = f"it holds no {' and no '.join(messages.values)}"
+            if messages.names and absent:
+                self._lacks = f"it does not hold joint {', '.join(absent)}"
         named = messages.named[messages.layout][whole]
         return {
             name: JointSamples(time[whole], values[whole], None if named.all() else named)
             for name, values in messages.values.items()
         }
 
-    def _missing(self, messages: JointMessages) -> str:
-        absent = [joint for joint in self._joints if joint not in messages.names]
-        if messages.names and absent:
-            return f"it does not hold joint {', '.join(absent)}"
-        return f"it holds no {' and no '.join(messages.values)}"
-
 
 @dataclass(frozen=True)
 class Place:
-    """Position of a robot at one time.
+    """Position of a robot at one time."""
 
-    `position` (n_joints,): rad (m), in the order of the configuration. `heard`, `measured`:
-    monotonic times of receipt and of the stamp, s (of receipt where the stamp is by another clock).
-    """
-
-    position: FloatArray
-    heard: float
-    measured: float
+    position: FloatArray  # (n_joints,), rad (m), in the order of the configuration
+    heard: float  # monotonic time of receipt, s
+    measured: float  # of the stamp; of receipt where that is by another clock
 
 
 class JointPositions:
     """The newest positions of all joints from one topic; other joints are ignored.
 
-    `source` is a topic of any type that recordings are read from, or ``topic#field``; `reference`
-    as in `JointTopic`. `last` is None before all positions have come.
-
-    Joints may come in several messages; the stamp of the position is the oldest of their newest
-    stamps. A repeated stamp is ignored: drivers may repeat messages when the robot is off.
+    `source` is any topic of joints, or ``topic#field``. `last` is None before all positions have
+    come. Its stamp is the oldest of the joints' newest ones, which may come in several messages;
+    one that is repeated is ignored: drivers may repeat messages when the robot is off.
     """
 
     def __init__(
@@ -196,7 +172,6 @@ class JointPositions:
         self._topic.close()
 
     def _look(self) -> None:
-        """Update each joint's position from the messages that have arrived."""
         taken = self._topic.take()["position"]
         if not len(taken):
             return

@@ -32,6 +32,7 @@ _NEEDED = {
 }
 _FILE = "--params-file"
 _OPTIONS = ("--help", "--ros-args", "--param", _FILE, "--remap", "--log-level", "--enclave")
+NAMES = "letters, digits and _, no digit first, parts separated by /"
 _LIKENESS = 0.75  # of difflib, from which on one name is taken for another
 _QOS = "qos_overrides."  # of the publishers and subscriptions of nodes that allow it
 Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
@@ -39,10 +40,10 @@ Value = TypeVar("Value", bool, int, float, str, tuple[str, ...])
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of the dataclasses of parameters; `parameter` makes every field of a subclass."""
+    """Base of dataclasses whose fields are made by `parameter`.
 
-    def check(self) -> None:
-        """Check what ranges and choices cannot express; a UsageError names the parameter."""
+    A UsageError of `__post_init__` names a parameter that ranges and choices cannot check.
+    """
 
 
 Kind = TypeVar("Kind", bound=Settings)
@@ -67,9 +68,7 @@ def parameter(
 
 
 class NodeProgram(Generic[Kind]):
-    """A node with parameters that can be set while it runs.
-
-    `kind` is the dataclass of the parameters, `arguments` the command line of the node.
+    """A node with parameters of a dataclass `kind` that can be set while it runs.
 
     Raises UsageError: a value given at the start is not allowed, or a parameter is unknown.
     """
@@ -87,7 +86,6 @@ class NodeProgram(Generic[Kind]):
         return int(self.node.get_clock().now().nanoseconds)
 
     def _follow_changes(self) -> None:
-        """Check and apply parameters that are set from now on."""
         self.node.add_on_set_parameters_callback(self._validate)
         self.node.add_post_set_parameters_callback(self._apply_changes)
 
@@ -119,27 +117,19 @@ def declare(node: Node, kind: type[Kind], arguments: Sequence[str] = ()) -> Kind
     """Declare all parameters of a dataclass on a node and return their values."""
     described = {item.name: item for item in fields(kind)}
     refuse_unknown_parameters(node, list(described), arguments)
-    given = _overrides(node)
+    given = node._parameter_overrides
     try:
         for name, item in described.items():
             value = _checked_value(item, given[name]) if name in given else _default(item)
             node.declare_parameter(name, value, _descriptor(item), ignore_override=True)
-        settings = kind(**{name: node.get_parameter(name).value for name in described})
-        settings.check()
+        return kind(**{name: node.get_parameter(name).value for name in described})
     except IdimError as error:
         raise UsageError(f"parameter {error}") from error
-    return settings
-
-
-def _overrides(node: Node) -> dict[str, Parameter]:
-    """Return parameters of files and command line, by name; rclpy has no public access to them."""
-    return dict(node._parameter_overrides)
 
 
 def _default(described: "Field[Any]") -> Any:
-    if isinstance(described.default, tuple):
-        return list(described.default)  # not empty: then it would have no type
-    return described.default
+    default = described.default  # a list is not empty: then it would have no type
+    return list(default) if isinstance(default, tuple) else default
 
 
 def _checked_value(described: "Field[Any]", given: Parameter) -> Any:
@@ -185,23 +175,15 @@ def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
         for item in parameters
         if item.name in described
     }
-    if not given:
-        return settings
-    new = replace(settings, **given)
     try:
-        new.check()
+        return replace(settings, **given)
     except IdimError as error:
         prefix, text = ", ".join(given), str(error)
         raise UsageError(text if text.startswith(prefix) else f"{prefix}: {text}") from error
-    return new
 
 
 def read_configuration(node: Node, file: str) -> Configuration:
-    """Return the configuration in a file, with its topics resolved as the node would.
-
-    Raises UsageError: one line that names the parameter `configuration`: the file cannot be read,
-    or holds an invalid topic name.
-    """
+    """Return the configuration in a file, its topics resolved; a UsageError names the parameter."""
     try:
         return with_topics_of_node(node, load_configuration(Path(file)))
     except IdimError as error:
@@ -209,21 +191,17 @@ def read_configuration(node: Node, file: str) -> Configuration:
 
 
 def with_topics_of_node(node: Node, configuration: Configuration) -> Configuration:
-    """Return the configuration with its relative topics resolved in the node's namespace.
+    """Return the configuration with its relative topics as the node resolves them.
 
-    In a bag they are looked for first under these names, remappings included.
-
-    Raises UsageError: a name is not valid in ROS.
+    In a bag these names are looked for first. A UsageError says that one is not valid in ROS.
     """
     names: dict[str, str] = {}
     for name in (*configuration.signals.relative_topics, ROBOT_DESCRIPTION):
         try:
             names[name] = node.resolve_topic_name(name)
         except Exception as error:  # rclpy has one class for each thing that can be wrong
-            raise UsageError(
-                f"{configuration.source}: signals: {name!r} is no topic of ROS: letters, digits "
-                "and _, no digit first, parts separated by /"
-            ) from error
+            where = f"{configuration.source}: signals: {name!r}"
+            raise UsageError(f"{where} is no topic of ROS: {NAMES}") from error
     return configuration.with_node_topics(names)
 
 
@@ -247,11 +225,19 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
 
     The log warns of those in files for nodes of any name (``/**``), which other nodes may need.
     """
-    given = _overrides(node)
+    given = node._parameter_overrides  # of files and command line; rclpy has no public access
     unknown = [name for name in given if name not in names and not node.has_parameter(name)]
     if not unknown:
         return
-    others = _for_any_node(arguments)
+    # In files for nodes of any name: in ``/**``, ``/left/*``.
+    others = {
+        name
+        for option, file in pairwise(arguments)
+        if option == _FILE
+        for section, content in read_mapping(Path(file)).items()
+        if section.endswith("*")
+        for name in _dotted_names(content.get("ros__parameters", {}))
+    }
     wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
         raise UsageError(f"unknown parameter {with_nearest(wrong, names)}")
@@ -269,20 +255,9 @@ def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:
     return ", ".join(words)
 
 
-def _for_any_node(arguments: Sequence[str]) -> set[str]:
-    """Return names of the parameters in files for nodes of any name: in ``/**``, ``/left/*``."""
-    files = [Path(file) for option, file in pairwise(arguments) if option == _FILE]
-    sections = [item for file in files for item in read_mapping(file).items()]
-    wanted = [
-        content.get("ros__parameters", {}) for name, content in sections if name.endswith("*")
-    ]
-    return {name for parameters in wanted for name in _dotted_names(parameters, "")}
-
-
-def _dotted_names(parameters: Mapping[str, Any], prefix: str) -> Iterator[str]:
-    """Yield the names of nested parameters, joined by points."""
+def _dotted_names(parameters: Mapping[str, Any]) -> Iterator[str]:
     for key, value in parameters.items():
         if isinstance(value, Mapping):
-            yield from _dotted_names(value, f"{prefix}{key}.")
+            yield from (f"{key}.{name}" for name in _dotted_names(value))
         else:
-            yield f"{prefix}{key}"
+            yield str(key)

@@ -53,42 +53,33 @@ def identified_model(
 ) -> IdentifiedModel:
     """Read a result.json and check that it belongs to this robot and configuration.
 
-    - `path`: path of the result.json
-    - `model`, `source`: model of the configuration (`build_inverse_model`), name of its URDF
-
-    Raises UsageError: one line: it cannot be read, or is of another robot, URDF or configuration.
+    `model` is that of the configuration (`build_inverse_model`), `source` the name of its URDF.
+    Raises UsageError: it cannot be read, or is of another robot, URDF or configuration.
     """
     result = IdentificationResult.read(path)
     require_same_robot(path, result, configuration, model.robot, source)
-    _require_same(path, result, configuration)
-    names = tuple(parameter.name for parameter in result.parameters)
-    if names != model.base.names:
-        raise UsageError(
-            f"{path}: its base parameters are not those of {source}; run `idim-iv identify` again"
-        )
+    wrong = ""
+    now = configuration.model_dump(mode="json", exclude_none=True)
+    for section, keys in _SAME.items():
+        then = result.configuration.get(section)
+        before = then if isinstance(then, dict) else {}
+        others = [key for key in keys if before.get(key) != now[section].get(key)]
+        if others and not wrong:
+            given = configuration.source or "the configuration"
+            wrong = f"it was identified with another {section}.{others[0]} than {given} has"
     values = np.array([parameter.value for parameter in result.parameters])
-    if not np.isfinite(values).all():
-        raise UsageError(f"{path}: a parameter has no value; run `idim-iv identify` again")
+    if not wrong and tuple(item.name for item in result.parameters) != model.base.names:
+        wrong = f"its base parameters are not those of {source}"
+    if not wrong and not np.isfinite(values).all():
+        wrong = "a parameter has no value"
+    if wrong:
+        raise UsageError(f"{path}: {wrong}; run `idim-iv identify` again")
     try:
         processing = ProcessingSection.model_validate(result.configuration.get("processing") or {})
     except ValidationError as error:
         raise UsageError(f"{path}: configuration.processing: {first_problem(error)}") from error
     transform = joint_transform(configuration)
     return IdentifiedModel(path, result, model, transform, values, processing)
-
-
-def _require_same(path: Path, result: IdentificationResult, configuration: Configuration) -> None:
-    now = configuration.model_dump(mode="json", exclude_none=True)
-    for section, keys in _SAME.items():
-        then = result.configuration.get(section)
-        for key in keys:
-            before = then.get(key) if isinstance(then, dict) else None
-            if before != now[section].get(key):
-                raise UsageError(
-                    f"{path}: it was identified with another {section}.{key} than "
-                    f"{configuration.source or 'the configuration'} has; run `idim-iv identify` "
-                    "again"
-                )
 
 
 LEVEL_SECONDS = 10.0  # of rows that count, by which the residual is compared with its floor
@@ -101,10 +92,9 @@ _DAY = 86_400.0  # s
 class ResidualRows:
     """The newest rows of the residual, decimated as in the identification.
 
-    - `places`: (r,) int, numbers of their samples on the grid
-    - `residual`: (r, n_joints) N m (N)
-    - `counts`: (r, n_joints) bool, whether the row is measured and not near a reversal
-    - `variance`: (r, n_joints) (N m)² (N²) of the prediction by the uncertainty of the parameters
+    `places` (r,): numbers of their samples. `residual` (r, n_joints) N m (N). `counts` (r,
+    n_joints): whether a row is measured and not near a reversal. `variance` (r, n_joints) (N m)²
+    (N²): of the prediction by the uncertainty of the parameters.
     """
 
     def __init__(self, joints: int, rate: float) -> None:
@@ -139,10 +129,8 @@ class JointLevel:
 
     joint: str
     unit: str
-    # rms, noise_floor: Over the newest rows that count, and of the identification; NaN
-    # without rows
-    rms: float
-    noise_floor: float
+    rms: float  # over the newest rows that count; NaN without rows
+    noise_floor: float  # RMS of the identification
     rows: int
     seconds: float  # of motion in these rows
     limit: float | None  # of RMS over noise floor by scatter; None if unknown
@@ -187,7 +175,8 @@ def joint_levels(
     """
     result, joints = identified.result, len(identified.joints)
     probability = min(0.5, false_warnings * LEVEL_SECONDS / _DAY / joints)
-    other_rate = _other_rate(identified, rate)
+    rates = sorted({bag.rate for bag in result.bags})
+    other_rate = rates and not any(1.0 / _SAME_RATE < rate / r < _SAME_RATE for r in rates)
     levels = []
     for place, (joint, residual) in enumerate(
         zip(identified.joints, result.residuals, strict=True)
@@ -197,7 +186,10 @@ def joint_levels(
         energy = float(np.sum(rows.residual[newest, place] ** 2))
         freedom, limit, why = residual.mean_square_freedom, None, ""
         if other_rate:
-            why = f"no limit: {other_rate}"
+            why = (
+                f"no limit: samples come at {rate:.4g} Hz and those of the identification at "
+                f"{', '.join(f'{r:.4g}' for r in rates)} Hz, whose noise floor is another one"
+            )
         elif freedom is None or residual.rows is None:
             why = (
                 "no limit: the result does not hold how its residual scatters, for which ten "
@@ -220,15 +212,3 @@ def joint_levels(
             )
         )
     return tuple(levels)
-
-
-def _other_rate(identified: IdentifiedModel, rate: float) -> str:
-    """Return a sentence if the samples come at another rate than those of the identification."""
-    rates = {bag.rate for bag in identified.result.bags}
-    if not rates or any(1.0 / _SAME_RATE < rate / other < _SAME_RATE for other in rates):
-        return ""
-    listed = ", ".join(f"{rate:.4g}" for rate in sorted(rates))
-    return (
-        f"samples come at {rate:.4g} Hz and those of the identification at {listed} Hz, whose "
-        "noise floor is another one"
-    )

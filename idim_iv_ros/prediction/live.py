@@ -8,14 +8,15 @@ window; a sample waits (`lag`) until the later ones that its filter needs have c
   identification, on samples that count there too. Only these are compared with its noise floor.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
 
 from idim_iv_ros.prediction.identified_model import IdentifiedModel, ResidualRows
-from idim_iv_ros.prediction.stream import JointSamples, SampleStream
-from idim_iv_ros.recording.grid import Grid, on_grid
+from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
+from idim_iv_ros.recording.wraps import TURN
 from idim_iv_ros.signals import (
     REVERSAL_MARGIN,
     JointSignals,
@@ -25,7 +26,157 @@ from idim_iv_ros.signals import (
     zero_phase_butterworth,
 )
 from idim_iv_ros.signals.motion import decimated_motion, fast_samples
-from idim_iv_ros.types import FloatArray, IntArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+_SECOND = 1e9
+NEVER = np.iinfo(np.int64).min
+_LONGEST_PAUSE = 1.0  # s
+_MOST = 5_000_000_000  # ns of samples that are kept at most
+# A stamp further back than so many intervals, s at least: the clock was set back.
+_SET_BACK, _SET_BACK_INTERVALS = 0.1, 20.0
+_WRAP = 0.75 * TURN  # a longer step between two positions is a wrap
+# Time and samples at least, from which a rate is measured.
+_LEAST, _LEAST_SAMPLES = 0.5, 20
+# Steps whose median tells whether the rate has changed, and by how much, as a ratio.
+_RECENT, _OTHER_RATE = 60, 1.3
+
+
+@dataclass(frozen=True)
+class JointSamples:
+    """Stamped values of all joints."""
+
+    time: IntArray  # (n,) int: ns
+    values: FloatArray  # (n, n_joints): NaN where a joint has none
+    # (n, n_joints): joints that each sample is about; None where every sample is about all of them
+    named: BoolArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def about(self) -> BoolArray:
+        """Return the joints that each sample has values of, (n, n_joints) bool."""
+        return np.ones(self.values.shape, dtype=bool) if self.named is None else self.named
+
+    @property
+    def newest(self) -> IntArray:
+        """Return the newest stamp of each joint, (n_joints,) ns; `NEVER` without one."""
+        stamps = np.where(self.about, self.time[:, None], NEVER)
+        return np.asarray(stamps.max(axis=0, initial=NEVER))
+
+    @property
+    def slowest(self) -> IntArray:
+        """Return the stamps, ns, of the joint with the fewest samples."""
+        counts = self.about.sum(axis=0)
+        column = int(np.argmin(np.where(counts > 0, counts, len(self) + 1)))
+        return np.asarray(self.time[self.about[:, column]])
+
+    def followed_by(self, later: "JointSamples") -> "JointSamples":
+        """Return these and later samples in the order of time; equal stamps are merged."""
+        times, place = np.unique(np.concatenate([self.time, later.time]), return_inverse=True)
+        row, column = np.nonzero(np.concatenate([self.about, later.about]))
+        values = np.concatenate([self.values, later.values])
+        merged = np.full((len(times), values.shape[1]), np.nan)
+        named = np.zeros(merged.shape, dtype=bool)
+        merged[place[row], column], named[place[row], column] = values[row, column], True
+        return JointSamples(times, merged, named)
+
+    def part(self, rows: slice) -> "JointSamples":
+        """Return a slice of the samples."""
+        return JointSamples(self.time[rows], self.values[rows], self.about[rows])
+
+
+class SampleStream:
+    """The newest samples of one topic, whose quantity is `name`: ``position`` or ``effort``.
+
+    `turning` (n_joints,) are positions that may wrap after one turn.
+    """
+
+    def __init__(self, name: str, turning: Sequence[bool]) -> None:
+        self.name, self._turning = name, np.array(turning, dtype=bool)
+        self._empty = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
+        self.samples = self._empty
+        self.restarted = ""  # why the last `add` dropped older samples: a pause, a clock
+        self.late = 0  # samples left out because their stamps do not increase
+        self.arrived = 0  # time of the last change of `reached`, ns
+        self.rate: float | None = None  # of sampling, Hz; None until `measure_rate`
+
+    def add(self, new: JointSamples, now: int) -> None:
+        """Append samples in the order of their arrival, at time `now`, ns."""
+        self.restarted = ""
+        if len(new) == 0:
+            return
+        time, first, before = new.time, 0, self.reached
+        if len(self.samples):
+            time = np.concatenate([self.samples.time[-1:], time])
+        steps = np.diff(time) / _SECOND
+        back = -max(_SET_BACK, _SET_BACK_INTERVALS * (self.interval or 0.0))
+        breaks = np.flatnonzero((steps < back) | (steps > _LONGEST_PAUSE))
+        if len(breaks):
+            # The last of them counts: what comes after it is one stretch.
+            step = float(steps[breaks[-1]])
+            jump = f"the stamps jump back by {-step:.3g} s"
+            self.restarted = jump if step < 0.0 else f"no sample for {step:.3g} s"
+            first = len(new) - (len(time) - 1 - int(breaks[-1]))
+            self.clear()
+        self._append(new.part(slice(first, None)))
+        if self.reached != before:
+            self.arrived = now
+        self.forget(int(self.samples.time[-1]) - _MOST)
+
+    def _append(self, new: JointSamples) -> None:
+        stamps = np.vstack([self.samples.newest, np.where(new.about, new.time[:, None], NEVER)])
+        about = new.about & (new.time[:, None] > np.maximum.accumulate(stamps)[:-1])
+        fresh = about.any(axis=1)
+        self.late += int(np.count_nonzero(~fresh))
+        values = np.where(about, new.values, np.nan)[fresh]
+        self.samples = self.samples.followed_by(JointSamples(new.time[fresh], values, about[fresh]))
+        positions = self.samples.values
+        for joint in np.flatnonzero(self._turning):
+            measured = np.isfinite(positions[:, joint])
+            positions[measured, joint] = np.unwrap(positions[measured, joint], discont=_WRAP)
+
+    def forget(self, before: int) -> None:
+        """Drop samples stamped before a time, ns, except the last one."""
+        first = min(int(np.searchsorted(self.samples.time, before)), max(len(self.samples) - 1, 0))
+        self.samples = self.samples.part(slice(first, None))
+
+    def clear(self) -> None:
+        """Drop all samples."""
+        self.samples = self._empty
+
+    @property
+    def interval(self) -> float | None:
+        """Return the median of the recent sampling intervals, s; None below two samples."""
+        recent = self.samples.slowest[-_RECENT:]
+        return float(np.median(np.diff(recent))) / _SECOND if len(recent) > 1 else None
+
+    @property
+    def reached(self) -> int:
+        """Return the stamp up to which all joints have samples, ns; `NEVER` without any."""
+        newest = self.samples.newest
+        return int(np.min(newest, where=newest > NEVER, initial=np.max(newest, initial=NEVER)))
+
+    def measure_rate(self) -> float | None:
+        """Return the rate of all samples, Hz, as for a recording; None while they are few."""
+        time = self.samples.slowest
+        enough = len(time) >= _LEAST_SAMPLES and time[-1] - time[0] >= _LEAST * _SECOND
+        self.rate = make_grid(time, int(time[0]), int(time[-1])).rate if enough else None
+        return self.rate
+
+    @property
+    def other_rate(self) -> float | None:
+        """Return the rate of the recent samples, Hz, if it has changed; else None."""
+        if len(self.samples.slowest) < _RECENT or self.interval is None or self.rate is None:
+            return None
+        same = 1.0 / _OTHER_RATE < self.interval * self.rate < _OTHER_RATE
+        return None if same else 1.0 / (self.interval or 1.0)
+
+    @property
+    def missing(self) -> BoolArray:
+        """Return the joints (n_joints,) bool without a finite value in the samples kept."""
+        return np.asarray(~np.isfinite(self.samples.values).any(axis=0))
+
 
 CURVE_TOLERANCE = 0.01  # share of an impulse response that curves, and decimation, do not wait for
 ROW_TOLERANCE = 1e-4  # the same of the positions behind the rows
@@ -41,30 +192,28 @@ _CONTEXT = 0.24
 class PredictionWindow:
     """Sliding window of the newest samples, k at start + k / rate: filter, predict and smooth.
 
-    `rate` is that of the grid, Hz, `start` its first stamp, ns; `lag` the time from a sample until
-    its place on the curves, s; `row_rate` that of decimated samples, Hz.
+    `rate` is that of the grid, Hz, `start` its first stamp, ns.
     """
 
     def __init__(self, identified: IdentifiedModel, rate: float, start: int) -> None:
         self.rate, self._start, self._identified = rate, start, identified
-        result = identified.result
-        self._cutoff = result.processing.position_cutoff
-        self._order = result.processing.position_order
+        made = identified.result.processing
+        self._cutoff, self._order = made.position_cutoff, made.position_order
         self._wait = butterworth_samples(rate, self._cutoff, self._order, CURVE_TOLERANCE)
         self._settled = butterworth_samples(rate, self._cutoff, self._order, ROW_TOLERANCE)
-        self._smoothing, self._smooth_wait = self._curve_filter(result.processing.decimation_cutoff)
-        self.lag = (self._wait + self._smooth_wait) / rate
+        self._smoothing, self._smooth_wait = self._curve_filter(made.decimation_cutoff)
+        self.lag = (self._wait + self._smooth_wait) / rate  # s from a sample to the curves
         # The decimation of the identification at this rate: the same edge in Hz.
-        self._factor = max(1, round(rate / result.processing.row_rate))
-        self.row_rate = rate / self._factor
+        self._factor = max(1, round(rate / made.row_rate))
+        self.row_rate = rate / self._factor  # Hz
         given = identified.processing
-        edge = min(given.decimation_edge * result.processing.row_rate / self.row_rate, 1.0)
+        edge = min(given.decimation_edge * made.row_rate / self.row_rate, 1.0)
         changes = {"decimation_edge": edge, "decimation_phase": "first"}
         self._processing = given.model_copy(update=changes)
         self._row_wait = ParallelDecimation(self._factor, 1, edge).settling(CURVE_TOLERANCE)
         margin = REVERSAL_MARGIN if given.reversal_margin is None else given.reversal_margin
-        self._around = round(margin * self._factor)
-        self._minimum_speed = np.array(result.processing.minimum_speed)
+        self._reach = max(self._factor, round(margin * self._factor))
+        self._minimum_speed = np.array(made.minimum_speed)
         self._coupling_joints = identified.model.regressor.layout.coupling_joints
         self._end = 0  # number behind the newest sample
         self._next_row = 0
@@ -100,26 +249,24 @@ class PredictionWindow:
 
     @property
     def _curve_place(self) -> int:
-        """Return the number of the sample that the curves have reached."""
         return self._end - 1 - self._wait - self._smooth_wait
 
     @property
     def _curve_start(self) -> int:
-        """Return the number of the first sample that curves still need."""
-        return self._curve_place - max(3 * self._smooth_wait, self._factor, self._around)
+        return self._curve_place - max(3 * self._smooth_wait, self._reach)
 
     def advance(
         self, positions: JointSamples, efforts: JointSamples, until: int, rows: ResidualRows
     ) -> tuple[int, FloatArray, FloatArray] | None:
         """Process samples up to the stamp `until`, ns; add finished rows to `rows`.
 
-        Returns the stamp of the newest sample of the curves, ns, and its smoothed efforts, measured
-        and predicted, (n_joints,) N m (N); None while the filters fill.
+        Returns stamp, ns, and smoothed efforts of the newest sample of the curves, measured and
+        predicted, (n_joints,) N m (N); None while the filters fill.
         """
         self._end = int((until - self._start) * 1e-9 * self.rate + 0.01) + 1
         if self.missing > 0.0:
             return None
-        oldest = max(int(samples.time[0]) for samples in (positions, efforts)) - self._start
+        oldest = max(positions.time[0], efforts.time[0]) - self._start
         available = max(0, int(np.ceil(oldest * 1e-9 * self.rate)))
         places = self._new_rows(available)
         first = max(self._curve_start, available)
@@ -160,13 +307,9 @@ class PredictionWindow:
         grid = Grid(self._stamp(begin), self.rate, self._end - begin)
         position = on_grid(grid, positions.time, positions.values, "", smooth=True)
         effort = on_grid(grid, efforts.time, efforts.values, "")
-        record = JointSignals(
-            "",
-            self.rate,
-            transform.position(position.values),
-            transform.torque(effort.values),
-            ~transform.touched(position.invented, effort.invented),
-        )
+        valid = ~transform.touched(position.invented, effort.invented)
+        torque = transform.torque(effort.values)
+        record = JointSignals("", self.rate, transform.position(position.values), torque, valid)
         return decimated_motion(
             record,
             self._smooth(record.position, self._cutoff),
@@ -190,8 +333,7 @@ class PredictionWindow:
         if self._smooth_wait:
             smoothed = self._smooth(smoothed, self._smoothing)
         measured, predicted = np.split(smoothed[place - begin], 2)
-        reach = max(self._factor, self._around)
-        around = slice(max(place - reach, 0), place + reach + 1)
+        around = slice(max(place - self._reach, 0), place + self._reach + 1)
         valid = motion.signals.valid[motion.span][around].all(axis=0)
         position, least = motion.position[motion.span], self._minimum_speed
         moves = fast_samples(position, self.rate, least, self._coupling_joints)[around].all(axis=0)
@@ -210,10 +352,7 @@ _LEAST_ROWS = 5  # that count, behind a share
 
 @dataclass(frozen=True)
 class Prediction:
-    """One sample of the curves, and residuals over noise floor; as the message Prediction.
-
-    Arrays are (n_joints,), in N m (N); NaN where there is no number.
-    """
+    """One sample of the curves and noise shares, (n_joints,) N m (N); as message Prediction."""
 
     stamp: int  # of the predicted sample, else of the newest, ns; 0 without any
     reason: str  # why nothing is predicted; empty for a prediction
@@ -229,11 +368,7 @@ class Prediction:
 
 
 class LivePrediction:
-    """Predicts the newest sample that its filters reach, from samples as they arrive.
-
-    - `rows`: decimated residual, to judge its size by
-    - `window`: rate of the samples and lag of the filters; None while the rate is measured
-    """
+    """Predicts the newest sample that its filters reach, from samples as they arrive."""
 
     def __init__(self, identified: IdentifiedModel) -> None:
         self.identified, joints = identified, len(identified.joints)
@@ -243,9 +378,9 @@ class LivePrediction:
         self._positions = SampleStream("position", turning)
         self._efforts = SampleStream("effort", [False] * joints)
         self._streams = (self._positions, self._efforts)
-        self.window: PredictionWindow | None = None
+        self.window: PredictionWindow | None = None  # while the rate is measured
         self._why = ""
-        self.rows = ResidualRows(joints, 1.0)
+        self.rows = ResidualRows(joints, 1.0)  # decimated residual, to judge its size by
 
     @property
     def late(self) -> int:
@@ -253,15 +388,10 @@ class LivePrediction:
         return max(stream.late for stream in self._streams)
 
     def add(self, positions: JointSamples, efforts: JointSamples, now: int) -> None:
-        """Add samples in the order of their arrival.
-
-        - `positions`, `efforts`: in the units of the topics
-        - `now`: time of arrival, ns
-        """
+        """Add samples, in the units of the topics, in the order of their arrival at `now`, ns."""
         for stream, new in zip(self._streams, (positions, efforts), strict=True):
             stream.add(new, now)
-        restarted = self._positions.restarted or self._efforts.restarted
-        if restarted:
+        if restarted := self._positions.restarted or self._efforts.restarted:
             self._restart(restarted)
 
     def _restart(self, why: str) -> None:
@@ -271,26 +401,22 @@ class LivePrediction:
                 stream.clear()
 
     def newest(self, now: int) -> Prediction:
-        """Predict the newest sample that the filters reach.
-
-        - `now`: ns, of the same clock as in `add`
-        """
+        """Predict the newest sample that the filters reach; `now`, ns, is as in `add`."""
         reason = self._not_usable(now)
         if not reason and self.window is None:
             reason = self._measure_rate()
-        window = self.window
+        window, curve = self.window, None
         times = self._positions.samples.time
-        newest, joints = int(times[-1]) if len(times) else 0, len(self.identified.joints)
-        if reason or window is None:
-            return Prediction.absent(joints, reason, newest)
-        until = min(stream.reached for stream in self._streams)
-        curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
-        for stream in self._streams:
-            stream.forget(window.needed)
-        if curve is None:
+        newest = int(times[-1]) if len(times) else 0
+        if not reason and window is not None:
+            until = min(stream.reached for stream in self._streams)
+            curve = window.advance(self._positions.samples, self._efforts.samples, until, self.rows)
+            for stream in self._streams:
+                stream.forget(window.needed)
             why = f"{self._why}; " if self._why else ""
-            filling = f"{why}the filters fill: {window.missing:.1f} s to go"
-            return Prediction.absent(joints, filling, newest)
+            reason = f"{why}the filters fill: {window.missing:.1f} s to go"
+        if curve is None:
+            return Prediction.absent(len(self.identified.joints), reason, newest)
         self._why = ""
         stamp, measured, predicted = curve
         floor = self.identified.noise_floor
@@ -310,11 +436,9 @@ class LivePrediction:
             if missing and (name == "position" or len(missing) == len(joints)):
                 return f"no {name} of {', '.join(missing)} in the messages"
             if self.window is not None and (new := stream.other_rate) is not None:
-                self._restart(
-                    f"the rate of the {name} changed from {stream.rate:.4g} to {new:.4g} Hz"
-                )
-                # All samples were dropped: the rate must be measured again.
-                return self._why
+                rates = f"from {stream.rate:.4g} to {new:.4g} Hz"
+                self._restart(f"the rate of the {name} changed {rates}")
+                return self._why  # all samples were dropped: the rate must be measured again
         return ""
 
     def _measure_rate(self) -> str:

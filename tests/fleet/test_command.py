@@ -14,8 +14,7 @@ import pytest
 from s3fs import S3FileSystem
 
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.fleet.commands import BAGS
-from idim_iv_ros.fleet.run import FleetRun, connected
+from idim_iv_ros.fleet.commands import BAGS, FleetRun, connected
 from idim_iv_ros.fleet.source import file_system
 from tests.cli.conftest import run as run
 from tests.fleet.conftest import CONFIG, BagFolder

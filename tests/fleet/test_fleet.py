@@ -16,20 +16,26 @@ from pyarrow import parquet
 from bags import simulated_arms
 from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.errors import DataError, UsageError
-from idim_iv_ros.fleet import run as scheduling
-from idim_iv_ros.fleet.commands import BAGS, identify_bags, identify_task, owned_by
+from idim_iv_ros.fleet import commands
+from idim_iv_ros.fleet.commands import (
+    BAGS,
+    FleetRun,
+    connected,
+    identify_bags,
+    identify_task,
+    owned_by,
+    run_tasks,
+)
 from idim_iv_ros.fleet.regression import bag_fields
-from idim_iv_ros.fleet.result import BagResult
-from idim_iv_ros.fleet.robots import (
+from idim_iv_ros.fleet.result import TABLE, BagResult, write_table
+from idim_iv_ros.fleet.source import (
     Robot,
     code_version,
     configuration_digest,
     content_of,
+    find_bags,
     robots_of,
 )
-from idim_iv_ros.fleet.run import FleetRun, connected, run_tasks
-from idim_iv_ros.fleet.source import find_bags
-from idim_iv_ros.fleet.table import FILE, write_table
 from idim_iv_ros.identification.identify import identify
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag
@@ -64,8 +70,8 @@ def kill_workers() -> int:
 
 
 def rows_of(results: Sequence[BagResult], folder: Path) -> list[dict[str, Any]]:
-    write_table(results, folder / FILE)
-    rows: list[dict[str, Any]] = parquet.read_table(folder / FILE).to_pylist()
+    write_table(results, folder / TABLE)
+    rows: list[dict[str, Any]] = parquet.read_table(folder / TABLE).to_pylist()
     return rows
 
 
@@ -210,7 +216,7 @@ def test_a_task_that_fails_is_one_answer_with_its_reason(client: Any) -> None:
 
 def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monkeypatch) -> None:
     its = code_version()
-    monkeypatch.setattr(scheduling, "code_version", lambda: "0.1+other")
+    monkeypatch.setattr(commands, "code_version", lambda: "0.1+other")
     with pytest.raises(UsageError) as refused:
         answers_of(client, reciprocal, 2)
     for words in (client.scheduler.address, its, "0.1+other"):

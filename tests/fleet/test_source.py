@@ -15,8 +15,15 @@ from pyarrow import csv, parquet
 from idim_iv_ros.configuration import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.fleet.commands import identify_task
-from idim_iv_ros.fleet.robots import Robot, content_of, robots_of
-from idim_iv_ros.fleet.source import BagEntry, FetchedFile, find_bags, open_bag
+from idim_iv_ros.fleet.source import (
+    BagEntry,
+    FetchedFile,
+    Robot,
+    content_of,
+    find_bags,
+    open_bag,
+    robots_of,
+)
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.recording.bags.folder import Bag
 from idim_iv_ros.recording.read import read_bag

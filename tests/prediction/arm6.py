@@ -9,8 +9,7 @@ from idim_iv_ros.configuration import Configuration, load_configuration
 from idim_iv_ros.identification.identify import identify_recordings
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.model import read_urdf_file
-from idim_iv_ros.prediction.live import LivePrediction, Prediction
-from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.prediction.live import JointSamples, LivePrediction, Prediction
 from idim_iv_ros.recording.recording import Recording
 
 ROOT = Path(__file__).resolve().parents[2]

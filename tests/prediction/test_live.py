@@ -10,8 +10,13 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.model import build_inverse_model
 from idim_iv_ros.prediction.identified_model import IdentifiedModel, identified_model, joint_levels
-from idim_iv_ros.prediction.live import CURVE_TOLERANCE, ROW_TOLERANCE, LivePrediction, Prediction
-from idim_iv_ros.prediction.stream import JointSamples
+from idim_iv_ros.prediction.live import (
+    CURVE_TOLERANCE,
+    ROW_TOLERANCE,
+    JointSamples,
+    LivePrediction,
+    Prediction,
+)
 from idim_iv_ros.signals import ParallelDecimation, central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray

@@ -17,8 +17,7 @@ from idim_iv_ros import load_configuration
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
-from idim_iv_ros.nodes.identifier.job import Job, JobListener, confined_bag
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.job_queue import Job, JobListener, JobQueue, confined_bag
 from idim_iv_ros.nodes.identifier.node import ACTIVE, Identifier
 from idim_iv_ros.nodes.settings import REFUSE, IdentifierSettings
 from tests.ros.conftest import ARM2

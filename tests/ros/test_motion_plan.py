@@ -6,7 +6,7 @@ import pytest
 from idim_iv_ros import load_configuration
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.trajectory import Trajectory
-from idim_iv_ros.nodes.collector.following import Supervision
+from idim_iv_ros.nodes.collector.collection import Supervision
 from idim_iv_ros.nodes.simulator.playback import REST as RESTING
 from idim_iv_ros.nodes.simulator.playback import MotionSimulation, commanded
 from idim_iv_ros.simulators.recording import simulated_robot

@@ -12,7 +12,7 @@ from idim_iv_interfaces.srv import Identify
 from idim_iv_ros import DataError, identify, load_configuration, write_bag
 from idim_iv_ros.cli.main import main
 from idim_iv_ros.excitation.excite import random_motion
-from idim_iv_ros.nodes.identifier.job import JobListener
+from idim_iv_ros.nodes.identifier.job_queue import JobListener
 from idim_iv_ros.nodes.identifier.node import Identifier
 from idim_iv_ros.nodes.parameters import declare
 from idim_iv_ros.nodes.settings import IdentifierSettings

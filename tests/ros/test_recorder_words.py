@@ -14,8 +14,8 @@ from rosgraph_msgs.msg import Clock
 
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
 from idim_iv_ros.nodes.recorder.node import Recorder
-from idim_iv_ros.nodes.recorder.report import RECENT, RecentCounts, topic_diagnosis
 from idim_iv_ros.nodes.recorder.topic_monitor import JointContent, Received, TopicMonitor
+from idim_iv_ros.nodes.recorder.topics import RECENT, RecentCounts, topic_diagnosis
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.bags.joint_message_type import JOINT_STATE
 from idim_iv_ros.recording.writing.write import OfferedQos, TopicChannel

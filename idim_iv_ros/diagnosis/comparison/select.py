@@ -14,6 +14,7 @@ from operator import itemgetter
 import numpy as np
 import scipy
 
+from idim_iv_ros.compilation import return_freed_memory
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
@@ -22,7 +23,6 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, No
 from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
-from idim_iv_ros.memory import return_freed_memory
 from idim_iv_ros.types import BoolArray, FloatArray
 
 Terms = tuple[Term, ...]

@@ -25,23 +25,15 @@ _SCATTER = 0.5
 _INTERVAL = 1.96  # deviations, 95 %
 _SHOWN = 2  # numbers of a cause in a sentence: those that differ from zero most surely
 
-Robots = Mapping[str, CauseSummary]
-
 
 def is_nothing(cause: CauseSummary) -> bool:
-    """Return whether no number of a cause differs significantly (95 %) from no effect.
-
-    False for a cause without standard deviations.
-    """
-    ratios = [_ratio(cause.effect, *item) for item in _with_std(cause).items()]
+    """Return whether no number of a cause is beyond no effect (95 %); False without deviations."""
+    ratios = _ratios(cause).values()
     return bool(ratios) and max(ratios) <= _INTERVAL
 
 
 def causes_of_robot(bags: Sequence[BagResult]) -> list[CauseSummary]:
-    """Return the causes in most diagnosed bags of one robot, with the numbers of the newest.
-
-    The bags are in the order of time.
-    """
+    """Return the causes in most diagnosed bags, in the order of time, as the newest has them."""
     diagnosed = [bag.diagnosis for bag in bags if bag.diagnosis is not None]
     named: dict[tuple[str, str | None], list[CauseSummary]] = defaultdict(list)
     for diagnosis in diagnosed:
@@ -55,8 +47,7 @@ def common_causes(
 ) -> tuple[CommonCause, ...]:
     """Group the causes of diagnosed robots into those of the type and those of single robots.
 
-    Robots with different sizes of one effect at one joint have different causes. The `ordinary`
-    robots do not differ from their type.
+    Another size of an effect at a joint is another cause. The `ordinary` robots are as their type.
     """
     places: dict[tuple[str, str | None], dict[str, CauseSummary]] = defaultdict(dict)
     for robot, named in causes.items():
@@ -64,15 +55,20 @@ def common_causes(
             places[cause.effect, cause.joint][robot] = cause
     result = []
     for (effect, joint), robots in places.items():
-        for group in _size_groups(robots, ordinary):
-            among = len(set(group) & set(ordinary))
-            of_type = among >= max(_OF_TYPE_LEAST, _OF_TYPE * len(set(ordinary)))
-            kind = next(iter(group.values())).kind
-            values = _mean_parameters(list(group.values()))
-            result.append(CommonCause(effect, kind, joint, tuple(group), of_type, values))
-    return tuple(
-        sorted(result, key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or ""))
-    )
+        while robots:
+            # A group begins with the robot with which most of the ordinary robots agree.
+            agreeing = [
+                [name for name, other in robots.items() if _sizes_agree(first, other)]
+                for first in robots.values()
+            ]
+            names = max(agreeing, key=lambda names: (len({*names} & {*ordinary}), len(names)))
+            group = [robots.pop(name) for name in names]
+            among = len({*names} & {*ordinary})
+            of_type = among >= max(_OF_TYPE_LEAST, _OF_TYPE * len({*ordinary}))
+            values = _mean_parameters(group)
+            result.append(CommonCause(effect, group[0].kind, joint, tuple(names), of_type, values))
+    result.sort(key=lambda c: (not c.of_type, -len(c.robots), c.effect, c.joint or ""))
+    return tuple(result)
 
 
 def sentences(
@@ -90,7 +86,7 @@ def sentences(
     for cause in shared.values():
         among = len(set(cause.robots) & set(ordinary))
         said.append(
-            f"{type_name}: the nominal model misses {_name(cause)}{_size(cause)} on {among} of "
+            f"{type_name}: the nominal model misses {_words(cause)} on {among} of "
             f"{count} ordinary robots that were diagnosed: a matter of the type"
         )
     if not shared and count >= _OF_TYPE_LEAST:
@@ -104,28 +100,10 @@ def sentences(
         several = sum((other.effect, other.joint) == place for other in causes) > 1
         single = len(cause.robots) == 1
         alone = " alone" if single and not several and len(diagnosed) > 1 else ""
-        words = f"{', '.join(cause.robots)}{alone} {'has' if single else 'have'} {_name(cause)}"
+        words = f"{', '.join(cause.robots)}{alone} {'has' if single else 'have'} {_words(cause)}"
         usual = shared.get(place)
-        apart = f", apart from that of {type_name}{_size(usual)}" if usual else ""
-        said.append(f"{words}{_size(cause)}{apart}")
+        said.append(f"{words}, apart from that of {type_name}{_size(usual)}" if usual else words)
     return tuple(said)
-
-
-def _size_groups(robots: Robots, ordinary: Collection[str]) -> list[dict[str, CauseSummary]]:
-    """Group the robots with one effect by size, largest group first.
-
-    A group begins with the robot with which most of the ordinary robots agree.
-    """
-    groups = []
-    rest = dict(robots)
-    while rest:
-        agreeing = {
-            first: [name for name, other in rest.items() if _sizes_agree(rest[first], other)]
-            for first in rest
-        }
-        most = max(agreeing.values(), key=lambda names: (len({*names} & {*ordinary}), len(names)))
-        groups.append({name: rest.pop(name) for name in most})
-    return groups
 
 
 def _sizes_agree(one: CauseSummary, other: CauseSummary) -> bool:
@@ -177,25 +155,26 @@ def _without_effect(effect: str, name: str) -> float:
     return default if default is not None and np.isfinite(default) else 0.0
 
 
-def _ratio(effect: str, name: str, number: EffectParameter) -> float:
-    """Return the distance of a number from its value without effect, in standard deviations."""
-    distance = abs(number.value - _without_effect(effect, name))
-    return distance / number.std if number.std else float(np.inf if distance else 0.0)
+def _ratios(cause: CauseSummary | CommonCause) -> dict[str, float]:
+    """Return the distances of numbers from their values without effect, in deviations."""
+    ratios = {}
+    for name, number in _with_std(cause).items():
+        distance = abs(number.value - _without_effect(cause.effect, name))
+        ratios[name] = distance / number.std if number.std else np.inf if distance else 0.0
+    return ratios
 
 
-def _name(cause: CommonCause) -> str:
+def _words(cause: CommonCause) -> str:
     name = cause.effect.replace("_dependent", "-dependent").replace("_", " ")
-    return f"{name} at {cause.joint}" if cause.joint else name
+    place = f" at {cause.joint}" if cause.joint else ""
+    return f"{name}{place}{_size(cause)}"
 
 
 def _size(cause: CommonCause) -> str:
     """Return the best determined numbers of a cause with their 95 % intervals, in brackets."""
-    numbers = _with_std(cause)
-    clearest = sorted(numbers, key=lambda n: -_ratio(cause.effect, n, numbers[n]))[:_SHOWN]
-    said = [
-        f"{parameter_words(cause.effect, name)} "
-        f"{numbers[name].value:.2g} ± {_INTERVAL * (numbers[name].std or 0.0):.1g} "
-        f"{numbers[name].unit}".rstrip()
-        for name in clearest
-    ]
+    ratios, said = _ratios(cause), []
+    for name in sorted(ratios, key=lambda name: -ratios[name])[:_SHOWN]:
+        number = cause.parameters[name]
+        interval = f"{number.value:.2g} ± {_INTERVAL * (number.std or 0.0):.1g}"
+        said.append(f"{parameter_words(cause.effect, name)} {interval} {number.unit}".rstrip())
     return f" ({', '.join(said)})" if said else ""

@@ -20,12 +20,16 @@ from functools import lru_cache
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from idim_iv_ros.fleet.statistics.random_effects import between_variance, generalised_q
-from idim_iv_ros.types import FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray
 
 FALSE_DISCOVERIES = 0.1  # at most, on average, of what is called different
+LEAST = 4  # robots of a type, below which nothing says what is ordinary
+_MOST = 3  # one in so many robots may differ in a quantity
+_DRAWN = 30000  # robots of fleets in which nobody differs, from which p-values are calibrated
+_SEED = 3
+_TAIL = 20  # of these with a smaller p-value; beyond, both fall in proportion
 
 
 @dataclass(frozen=True)
@@ -33,8 +37,8 @@ class Chosen:
     """Rejected null hypotheses of k units (robots) in m entries (quantities)."""
 
     p_values: FloatArray  # (k,); NaN where nothing was tested
-    units: NDArray[np.bool_]  # (k,)
-    entries: NDArray[np.bool_]  # (k, m), only in chosen units
+    units: BoolArray  # (k,)
+    entries: BoolArray  # (k, m), only in chosen units
 
 
 def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
@@ -42,44 +46,33 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
-    simes = [np.array([_simes(row) for row in p_values]) for p_values in groups]
+    simes = []  # p-values of all quantities of a unit together
+    for p_values in groups:
+        ordered = np.sort(p_values, axis=1)  # NaN last
+        counts = np.isfinite(ordered).sum(axis=1, keepdims=True)
+        ranks = np.arange(1, p_values.shape[1] + 1)
+        smallest = np.min(ordered * counts / ranks, axis=1, initial=np.inf, where=ranks <= counts)
+        simes.append(np.where(counts[:, 0] > 0, np.minimum(smallest, 1.0), np.nan))
     units = np.concatenate([np.zeros(0), *simes])
-    chosen = benjamini_hochberg(units, level)
+    chosen = _benjamini_hochberg(units, level)
     within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
-    result, first = [], 0
-    for p_values, of_group in zip(groups, simes, strict=True):
-        called = chosen[first : first + len(of_group)]
-        first += len(of_group)
+    ends = np.cumsum([len(of_group) for of_group in simes])
+    result = []
+    for p_values, of_group, end in zip(groups, simes, ends, strict=True):
+        called = chosen[end - len(of_group) : end]
         entries = np.zeros(p_values.shape, dtype=bool)
         for unit in np.flatnonzero(called):
-            entries[unit] = benjamini_hochberg(p_values[unit], within)
+            entries[unit] = _benjamini_hochberg(p_values[unit], within)
         result.append(Chosen(of_group, called, entries))
     return result
 
 
-def benjamini_hochberg(p_values: FloatArray, level: float) -> NDArray[np.bool_]:
-    """Return which of p-values (k,) are rejected at the rate `level`, (k,) bool; NaN never is."""
+def _benjamini_hochberg(p_values: FloatArray, level: float) -> BoolArray:
     tested = np.isfinite(p_values)
     rejected = np.zeros(len(p_values), dtype=bool)
     if tested.any():
         rejected[tested] = scipy.stats.false_discovery_control(p_values[tested]) <= level
     return rejected
-
-
-def _simes(p_values: FloatArray) -> float:
-    """Return Simes' p-value of all hypotheses with p-values (m,); NaN where none was tested."""
-    ordered = np.sort(p_values[np.isfinite(p_values)])
-    if not len(ordered):
-        return float("nan")
-    ranks = np.arange(1, len(ordered) + 1)
-    return float(min(1.0, np.min(ordered * len(ordered) / ranks)))
-
-
-LEAST = 4  # robots of a type, below which nothing says what is ordinary
-_MOST = 3  # one in so many robots may differ in a quantity
-_DRAWN = 30000  # robots of fleets in which nobody differs, from which p-values are calibrated
-_SEED = 3
-_TAIL = 20  # of these with a smaller p-value; beyond, both fall in proportion
 
 
 @dataclass(frozen=True)
@@ -104,7 +97,6 @@ def outlying(types: Sequence[tuple[FloatArray, FloatArray]]) -> list[Outlying]:
 
 
 def _p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return calibrated p-values (k, m) of values and variances (k, m); NaN for few robots."""
     raw = _stepwise_p_values(values, variances)
     counts = np.isfinite(raw).sum(axis=0)
     result = np.full(raw.shape, np.nan)
@@ -127,10 +119,7 @@ def _null_p_values(robots: int) -> FloatArray:
 
 
 def _stepwise_p_values(values: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return p-values (k, m) before calibration: each the smallest of robots removed later.
-
-    Values and variances are (k, m); see the module for the procedure.
-    """
+    """Return p-values (k, m) of values and variances (k, m) before they are calibrated."""
     estimated = np.isfinite(values) & np.isfinite(variances)
     remaining = np.where(estimated, values, np.nan)
     counts = estimated.sum(axis=0)
@@ -170,9 +159,7 @@ def _distance(
         return np.asarray((value - mean) / np.sqrt(variance + between + uncertainty))
 
 
-def _distances(
-    values: FloatArray, variances: FloatArray, left_out: NDArray[np.bool_]
-) -> FloatArray:
+def _distances(values: FloatArray, variances: FloatArray, left_out: BoolArray) -> FloatArray:
     """Return studentised distances (k, m) of robots from the others, without those left out."""
     statistics = np.full(values.shape, np.nan)
     ordinary = np.where(left_out, np.nan, values)

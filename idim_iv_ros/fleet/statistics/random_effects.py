@@ -84,7 +84,8 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
     counts = np.array([np.isfinite(v + s).sum(axis=0) for v, s in groups])
     usable = (counts > 1).any(axis=0)
     scattering = (counts > 1) | ~usable
-    spread = np.array([_spread(values) for values, _ in groups]).max(axis=0)
+    ranges = [np.ma.masked_invalid(values).ptp(axis=0).filled(0.0) for values, _ in groups]
+    spread = np.max(ranges, axis=0)
 
     def median(between: FloatArray) -> FloatArray:
         q = np.array([generalised_q(v, s, between)[0] for v, s in groups])
@@ -98,15 +99,6 @@ def common_between_variance(groups: list[tuple[FloatArray, FloatArray]]) -> Floa
         too_low = median(middle) > 0.5
         low, high = np.where(too_low, middle, low), np.where(too_low, high, middle)
     return np.where(usable, np.where(at_zero, 0.0, 0.5 * (low + high)), np.nan)
-
-
-def _spread(values: FloatArray) -> FloatArray:
-    """Return the range (m,) of each column of values (k, m), zero where it is empty."""
-    estimated = np.isfinite(values)
-    largest = np.where(estimated, values, -np.inf).max(axis=0)
-    return np.where(
-        estimated.any(axis=0), largest - np.where(estimated, values, np.inf).min(axis=0), 0.0
-    )
 
 
 def type_estimate(values: FloatArray, variances: FloatArray) -> dict[str, FloatArray]:

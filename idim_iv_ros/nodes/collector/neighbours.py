@@ -17,21 +17,18 @@ from idim_iv_interfaces.action import Identify
 from idim_iv_interfaces.msg import BagClosed, RecorderStatus
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.excitation.trajectory import Trajectory
+from idim_iv_ros.nodes.parameters import NAMES
 from idim_iv_ros.nodes.settings import ACTION, TOPIC
 
 LOOK = 0.02  # s between two looks at the robot
 
 _CODES = (
-    "INVALID_GOAL",
-    "INVALID_JOINTS",
-    "OLD_HEADER_TIMESTAMP",
-    "PATH_TOLERANCE_VIOLATED",
-    "GOAL_TOLERANCE_VIOLATED",
+    *("INVALID_GOAL", "INVALID_JOINTS", "OLD_HEADER_TIMESTAMP"),
+    *("PATH_TOLERANCE_VIOLATED", "GOAL_TOLERANCE_VIOLATED"),
 )
 _ANSWER = 15.0  # s to wait for an answer; the recorder waits ten for a disk
 _SILENT = 5.0  # s, or three periods of its status, after which the recorder is gone
 _PERIODS = 3
-_BETWEEN_LOOKS, _ABSENCES = 0.4, 2  # s between two looks for clients; looks that must find none
 _WRITING = {RecorderStatus.RECORDING, RecorderStatus.PAUSED, RecorderStatus.WAITING_FOR_CLOCK}
 
 Tick = Callable[[], None]  # sleeps a little; raises when the collection must end
@@ -48,27 +45,21 @@ def wait_until(condition: Callable[[], bool], seconds: float, what: str, tick: T
 
 def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
     """Return a JointTrajectory of `point_rate` points a second (Hz), the last sample included."""
-    message = JointTrajectory(joint_names=list(motion.joints))
-    for nanoseconds, (position, velocity, acceleration) in motion.points(point_rate):
+    points = []
+    for nanoseconds, values in motion.points(point_rate):
         whole, rest = divmod(nanoseconds, 1_000_000_000)
-        message.points.append(
-            JointTrajectoryPoint(
-                positions=position,
-                velocities=velocity,
-                accelerations=acceleration,
-                time_from_start=Duration(sec=whole, nanosec=rest),
-            )
-        )
-    return message
+        names = ("positions", "velocities", "accelerations")
+        place = dict(zip(names, values, strict=True))
+        due = Duration(sec=whole, nanosec=rest)
+        points.append(JointTrajectoryPoint(**place, time_from_start=due))
+    return JointTrajectory(joint_names=list(motion.joints), points=points)
 
 
 class Controller:
     """A ros2_control controller that follows trajectories.
 
-    `interface` ``action`` uses its action ``follow_joint_trajectory``, ``topic`` its topic
-    ``joint_trajectory``, which reports no failure. With ``auto`` the action is used if its server
-    was ready at the last call of `missing`, else the topic.
-
+    `interface` ``action`` uses ``follow_joint_trajectory``, ``topic`` ``joint_trajectory``, which
+    reports no failure; ``auto`` the action if its server was ready at the last call of `missing`.
     Raises UsageError: control_msgs, needed for the action, is not installed, or `name` is invalid.
     """
 
@@ -77,8 +68,7 @@ class Controller:
             node.resolve_topic_name(f"{name}/joint_trajectory")
         except Exception as error:  # rclpy has one class for each thing that can be wrong
             raise UsageError(
-                f"parameter controller: {name!r} is no name of ROS: letters, digits and _, no "
-                "digit first, parts separated by /"
+                f"parameter controller: {name!r} is no name of ROS: {NAMES}"
             ) from error
         self._kind: Any = None
         if interface != TOPIC:
@@ -91,12 +81,11 @@ class Controller:
                         "ros-jazzy-control-msgs"
                     ) from error
         self._action = f"{name}/follow_joint_trajectory"
-        self._client = None if self._kind is None else ActionClient(node, self._kind, self._action)
-        self._publisher = (
-            None
-            if interface == ACTION
-            else node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 1)
-        )
+        self._client: Any = self._kind and ActionClient(node, self._kind, self._action)
+        self._publisher: Any = None
+        if interface != ACTION:
+            topic = f"{name}/joint_trajectory"
+            self._publisher = node.create_publisher(JointTrajectory, topic, 1)
         self._by_action = interface == ACTION
         self._goal: Any = None
         self._goals_sent = 0
@@ -117,22 +106,37 @@ class Controller:
         """Send the controller a motion that begins where the robot is."""
         message = trajectory_message(motion, point_rate)
         if not self._by_action:
-            assert self._publisher is not None
             self._publisher.publish(message)
             return
-        assert self._client is not None
         self._goal, self._failure = None, ""
         self._goals_sent += 1
-        answer = self._client.send_goal_async(self._kind.Goal(trajectory=message))
-        answer.add_done_callback(self._of_this_goal(self._goal_accepted))
+        number = self._goals_sent  # what comes of an earlier goal is no matter
+
+        def accepted(future: Any) -> None:
+            goal = future.result()
+            if number != self._goals_sent:  # halted before the controller had answered
+                if goal.accepted:
+                    goal.cancel_goal_async()
+            elif not goal.accepted:
+                self._failure = "the controller refuses the trajectory"
+            else:
+                self._goal = goal
+                goal.get_result_async().add_done_callback(ended)
+
+        def ended(future: Any) -> None:
+            result, kind = future.result().result, self._kind.Result
+            if number == self._goals_sent and result.error_code != kind.SUCCESSFUL:
+                names = {getattr(kind, name): name for name in _CODES}
+                code = names.get(result.error_code, str(result.error_code))
+                words = " ".join([code, *result.error_string.split()])
+                self._failure = f"the controller ends the motion: {words}"
+
+        sent = self._client.send_goal_async(self._kind.Goal(trajectory=message))
+        sent.add_done_callback(accepted)
 
     def halt(self, stop: Trajectory) -> None:
-        """Bring the robot to rest by cancelling the goal of the action.
-
-        By the topic, the trajectory `stop` is sent instead, which comes to rest.
-        """
+        """Bring the robot to rest: cancel the goal of the action, or send the trajectory `stop`."""
         if not self._by_action:
-            assert self._publisher is not None
             self._publisher.publish(trajectory_message(stop, stop.rate))
             return
         self._goals_sent += 1  # that the goal was cancelled is no failure
@@ -142,57 +146,6 @@ class Controller:
     def failure(self) -> str:
         """Return why the controller refused or ended the goal; empty if it did neither."""
         return self._failure if self._by_action else ""
-
-    def _of_this_goal(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback for futures that does nothing once another goal was sent."""
-        number = self._goals_sent
-
-        def call(future: Any) -> None:
-            if number == self._goals_sent:
-                callback(future.result())
-            elif callback == self._goal_accepted and future.result().accepted:
-                future.result().cancel_goal_async()  # halted before the controller had answered
-
-        return call
-
-    def _goal_accepted(self, goal: Any) -> None:
-        if not goal.accepted:
-            self._failure = "the controller refuses the trajectory"
-            return
-        self._goal = goal
-        goal.get_result_async().add_done_callback(self._of_this_goal(self._goal_ended))
-
-    def _goal_ended(self, answer: Any) -> None:
-        code = answer.result.error_code
-        if code != self._kind.Result.SUCCESSFUL:
-            names = {getattr(self._kind.Result, name): name for name in _CODES}
-            words = " ".join(str(answer.result.error_string).split())
-            self._failure = (
-                f"the controller ends the motion: {names.get(code, code)} {words}".strip()
-            )
-
-
-class Clients:
-    """Tells whether all clients of one service are gone.
-
-    A server does not learn who called: only without any client it is certain that nobody waits for
-    an answer. A killed client is listed until its lease in the middleware ends, usually 20 s.
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._node, self._name = node, name
-        self._seen, self._absences = False, 0
-        self._looked = float("-inf")
-
-    def gone(self) -> bool:
-        """Return whether clients were seen before, and none in the last two looks, 0.4 s apart."""
-        if time.monotonic() - self._looked > _BETWEEN_LOOKS:
-            self._looked = time.monotonic()
-            if self._node.count_clients(self._name):
-                self._seen, self._absences = True, 0
-            elif self._seen:
-                self._absences += 1
-        return self._absences >= _ABSENCES
 
 
 class RecorderNeighbour:
@@ -204,10 +157,8 @@ class RecorderNeighbour:
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._clients = {
-            what: node.create_client(Trigger, f"recorder/{what}")
-            for what in ("start", "stop", "abort")
-        }
+        names = ("start", "stop", "abort")
+        self._clients = {name: node.create_client(Trigger, f"recorder/{name}") for name in names}
         self._closed: list[str] = []
         self._status: RecorderStatus | None = None
         self._heard_at, self._period = 0.0, 0.0
@@ -220,15 +171,11 @@ class RecorderNeighbour:
         for client in self._clients.values():
             if not client.service_is_ready():
                 return f"no {client.service_name}: start the recorder"
-        status = self._status
+        status, stop = self._status, self._clients["stop"].service_name
         if status is None:
             return ""
-        if silent := self._silence():
-            return silent
-        if status.state in _WRITING:
-            bag = Path(status.bag).name
-            return f"the recorder writes {bag} already: call {self._clients['stop'].service_name}"
-        return ""
+        writes = f"the recorder writes {Path(status.bag).name} already: call {stop}"
+        return self._silence() or (writes if status.state in _WRITING else "")
 
     def trouble(self) -> str:
         """Return why the bag that is recorded is incomplete; empty without a reported fault."""
@@ -250,7 +197,6 @@ class RecorderNeighbour:
         return ""
 
     def _reported(self, message: RecorderStatus) -> None:
-        """Remember the recorder's status, and its time and period, s."""
         now = self._clock()
         if self._status is not None:
             self._period = now - self._heard_at
@@ -265,10 +211,7 @@ class RecorderNeighbour:
         self._call_service("start", tick)
 
     def stop(self, *, aborted: bool = False) -> Path:
-        """Have the recorder close its bag, or abort it, and return the bag's folder.
-
-        A UsageError says why the recorder refuses, or that it names no bag in time.
-        """
+        """Have the bag closed or aborted, and return its folder; a UsageError says why not."""
         sleep = partial(time.sleep, LOOK)
         self._call_service("abort" if aborted else "stop", sleep)
         self._status = None  # that it records is no longer true
@@ -302,19 +245,16 @@ class IdentifierNeighbour:
     def identify(
         self, bag: Path, estimator: str, say: Callable[[str, float], None], tick: Tick
     ) -> Any:
-        """Have a bag of the identifier's directory identified and return the result message.
+        """Have a bag identified and return the result message; a UsageError says why it is not.
 
-        `say` takes the stage and the share done; where `tick` raises, the goal is cancelled. A
-        UsageError says why the identifier refuses.
+        `say` takes the stage and the share done; where `tick` raises, the goal is cancelled.
         """
-
-        def heard(message: Any) -> None:
-            say(message.feedback.stage, message.feedback.progress)
-
         if missing := self.missing():
             raise UsageError(missing)
         goal = Identify.Goal(bags=[str(bag)], estimator=estimator)
-        sent = self._client.send_goal_async(goal, heard)
+        sent = self._client.send_goal_async(
+            goal, lambda message: say(message.feedback.stage, message.feedback.progress)
+        )
         wait_until(sent.done, _ANSWER, f"an answer of {self._name}", tick)
         result = sent.result().get_result_async()
         try:

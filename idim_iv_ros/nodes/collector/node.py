@@ -1,6 +1,7 @@
 """The node `collector`: moves a robot, has the motion recorded, checked and identified."""
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 from functools import partial
 
@@ -9,18 +10,19 @@ from rclpy.node import Node
 
 from idim_iv_interfaces.action import Collect
 from idim_iv_ros.errors import IdimError, UsageError
-from idim_iv_ros.nodes.collector.collection import Collection, HeardRobot, Parts
+from idim_iv_ros.nodes.collector.collection import Collection, HeardRobot
 from idim_iv_ros.nodes.collector.neighbours import (
-    Clients,
     Controller,
     IdentifierNeighbour,
     RecorderNeighbour,
 )
 from idim_iv_ros.nodes.entry import in_thread, run_node
-from idim_iv_ros.nodes.identifier.job import ESTIMATORS
+from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS
 from idim_iv_ros.nodes.identifier.request_server import DeferredActionServer, send_last_answers
 from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.settings import CollectorSettings
+
+_BETWEEN_LOOKS, _ABSENCES = 0.4, 2  # s between two looks for clients; looks that must find none
 
 ABOUT = """collector: move the robot along a motion that shows its parameters, record it, check the
 recording, identify.
@@ -50,8 +52,8 @@ class Collector(NodeProgram[CollectorSettings]):
         self._actions = DeferredActionServer(
             node, Collect, "~/collect", self._start_goal, self._cancel
         )
-        self._name = action = node.resolve_service_name("~/collect")
-        self._clients = Clients(node, f"{action}/_action/get_result")
+        self._name = node.resolve_service_name("~/collect")
+        self._clients_seen, self._absences, self._looked = False, 0, -math.inf
         self._follow_changes()
         robot = self._settings.configuration or "no robot configured"
         may = "may" if self._settings.allow_motion else "must not"
@@ -70,16 +72,40 @@ class Collector(NodeProgram[CollectorSettings]):
         super().close()
 
     def _load_robot(self) -> None:
-        """Read the configuration file and subscribe to its robot."""
         before, self._robot = self._robot, None
         if before is not None:
             before.close()
         if self._settings.configuration:
             self._robot = HeardRobot(self.node, self._settings.configuration)
 
+    def _clients_gone(self) -> bool:
+        """Return whether clients were seen before, and none in the last two looks.
+
+        A server does not learn who called: only without any client it is certain that nobody waits
+        for an answer. A killed client is listed until its lease in the middleware ends, usually
+        20 s.
+        """
+        if time.monotonic() - self._looked > _BETWEEN_LOOKS:
+            self._looked = time.monotonic()
+            if self.node.count_clients(f"{self._name}/_action/get_result"):
+                self._clients_seen, self._absences = True, 0
+            elif self._clients_seen:
+                self._absences += 1
+        return self._absences >= _ABSENCES
+
     def _start_goal(self, goal: ServerGoalHandle) -> None:
         try:
-            collection = Collection(self._complete_goal(goal.request), self._parts(), self._say)
+            request = self._complete_goal(goal.request)
+            collection = Collection(
+                request,
+                self._movable_robot(),
+                self._controller,
+                self._recorder,
+                self._identifier,
+                settings=lambda: self._settings,
+                gone=self._clients_gone,
+                say=self._say,
+            )
         except IdimError as error:
             self.node.get_logger().warning(f"refused: {error}")
             self._actions.finish(goal, Collect.Result(success=False, message=str(error)))
@@ -111,10 +137,9 @@ class Collector(NodeProgram[CollectorSettings]):
             value = getattr(request, name)
             if not math.isfinite(value) or value < 0.0:
                 raise UsageError(f"{name}: {value} is not a number from 0 on")
-        if request.estimator not in ("", *ESTIMATORS):
-            raise UsageError(
-                f"estimator {request.estimator!r} is neither {' nor '.join(ESTIMATORS)}"
-            )
+        estimator = request.estimator
+        if estimator not in ("", *ESTIMATORS):
+            raise UsageError(f"estimator {estimator!r} is neither {' nor '.join(ESTIMATORS)}")
         if request.speed_scale > 1.0:
             raise UsageError(f"speed_scale: {request.speed_scale:g} is more than 1")
         if not request.seed >= 0:
@@ -124,11 +149,11 @@ class Collector(NodeProgram[CollectorSettings]):
             speed_scale=request.speed_scale or settings.speed_scale,
             seed=request.seed or settings.motion_seed,
             identify=request.identify,
-            estimator=request.estimator,
+            estimator=estimator,
             timeout=min(request.timeout or math.inf, settings.job_timeout),
         )
 
-    def _parts(self) -> Parts:
+    def _movable_robot(self) -> HeardRobot:
         if self._robot is None:
             raise UsageError("no robot is configured: set the parameter configuration")
         robot = self._robot.configuration.robot
@@ -137,23 +162,13 @@ class Collector(NodeProgram[CollectorSettings]):
                 "robot.motor_to_joint, robot.position_offset: the joint states are not the "
                 "positions that the controller is asked for; move such a robot yourself"
             )
-        return Parts(
-            robot=self._robot,
-            controller=self._controller,
-            recorder=self._recorder,
-            identifier=self._identifier,
-            settings=lambda: self._settings,
-            gone=self._clients.gone,
-        )
+        return self._robot
 
     def _say(self, stage: str, share: float, error: float, joint: str) -> None:
-        goal = self._goal
-        if goal is not None:
-            goal.publish_feedback(
-                Collect.Feedback(
-                    stage=stage, progress=share, tracking_error=error, tracking_joint=joint
-                )
-            )
+        if (goal := self._goal) is not None:
+            message = {"stage": stage, "progress": share}
+            message |= {"tracking_error": error, "tracking_joint": joint}
+            goal.publish_feedback(Collect.Feedback(**message))
 
     def _cancel(self, goal: ServerGoalHandle) -> None:
         if self._collection is not None and goal is self._goal:

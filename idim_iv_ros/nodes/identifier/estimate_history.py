@@ -21,30 +21,22 @@ FILE = "history.json"
 
 @dataclass(frozen=True)
 class PastEstimates:
-    """One identification, with the fields of the message `PastIdentification`.
+    """One identification, with the fields of the message `PastIdentification`."""
 
-    `stamp` is when it ended, ns since 1970; `values` are value and standard deviation of each
-    parameter; later ones of its kind are compared with the one that is the `baseline`.
-    """
-
-    stamp: int
+    stamp: int  # when it ended, ns since 1970
     robot: str
     estimator: str
     effort_unit: str
     bags: tuple[str, ...]
     folder: str
-    values: dict[str, tuple[Number, Number]]
+    values: dict[str, tuple[Number, Number]]  # value and standard deviation of each parameter
     configuration: str = ""
-    baseline: bool = False
+    baseline: bool = False  # whether later ones of its kind are compared with it
 
     @property
     def kind(self) -> tuple[str, str, str, str]:
         """Return the properties that estimates must share to be compared."""
         return self.robot, self.configuration, self.estimator, self.effort_unit
-
-    def repeats(self, other: "PastEstimates") -> bool:
-        """Return whether both are estimates of one kind from the same bags."""
-        return self.kind == other.kind and set(self.bags) == set(other.bags)
 
     def independent_of(self, other: "PastEstimates") -> bool:
         """Return whether both have the same parameters, and no bag in common."""
@@ -58,16 +50,12 @@ class PastEstimates:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The newest identification of one kind compared with its baseline.
-
-    `drifts` has one item for each parameter, none without a baseline. `since` is the stamp of the
-    first identification after which every one drifts, ns since 1970.
-    """
+    """The newest identification of one kind compared with its baseline."""
 
     newest: PastEstimates
     baseline: PastEstimates | None = None
-    drifts: tuple[Drift, ...] = ()
-    since: int | None = None
+    drifts: tuple[Drift, ...] = ()  # one for each parameter, none without a baseline
+    since: int | None = None  # stamp of the first one after which every one drifts, ns since 1970
 
     @property
     def drifting(self) -> tuple[Drift, ...]:
@@ -105,9 +93,7 @@ class _HistoryFile(Document):
 class EstimateHistory:
     """Past identifications in the order of time, saved in a file.
 
-    Only those of one kind (robot, configuration, estimator, unit of the effort) are compared: an
-    identification with another estimator does not end an alarm.
-
+    Only those of one kind (robot, configuration, estimator, unit of the effort) are compared.
     Raises DataError: the file is there but is no history; it is left as it is.
     """
 
@@ -125,9 +111,13 @@ class EstimateHistory:
 
         At most `length` of its kind are kept, the newest and a baseline that the user set.
         """
-        if any(other.baseline and entry.repeats(other) for other in self.entries):
-            entry = replace(entry, baseline=True)
-        others = [other for other in self.entries if not entry.repeats(other)]
+        earlier = [
+            other
+            for other in self.entries
+            if other.kind == entry.kind and set(other.bags) == set(entry.bags)
+        ]
+        entry = replace(entry, baseline=any(other.baseline for other in earlier))
+        others = [other for other in self.entries if other not in earlier]
         of_kind = [other for other in others if other.kind == entry.kind]
         removable = [other for other in of_kind if not other.baseline]
         surplus = removable[: max(len(of_kind) + 1 - length, 0)]
@@ -150,33 +140,29 @@ class EstimateHistory:
     def comparisons(self, significance: float) -> list[Comparison]:
         """Compare the newest identification of each kind with its baseline.
 
-        The baseline is the one that was set, else the first with the same parameters and no bag in
-        common (estimates from the same data are not independent).
+        That is the one that was set, else the first with the same parameters and no bag in common.
         """
-        newest = {entry.kind: entry for entry in self.entries}
-        ordered = sorted(newest.values(), key=self.entries.index)
-        return [self._comparison(entry, significance) for entry in ordered]
-
-    def _comparison(self, newest: PastEstimates, significance: float) -> Comparison:
-        """Compare one identification with its baseline, and find since when it drifts."""
-        of_kind = [entry for entry in self.entries if entry.kind == newest.kind]
-        comparable = [entry for entry in of_kind if entry.independent_of(newest)]
-        chosen = [entry for entry in comparable if entry.baseline]
-        if newest.baseline or not comparable:
-            return Comparison(newest)
-        baseline = (chosen or comparable)[0]
-
-        def drifts(entry: PastEstimates) -> tuple[Drift, ...]:
-            return drifts_of(baseline.values, entry.values, significance)
-
-        since = None
-        for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
-            if not baseline.independent_of(entry):
+        by_kind: dict[tuple[str, ...], list[PastEstimates]] = {}
+        for entry in self.entries:
+            by_kind[entry.kind] = [*by_kind.pop(entry.kind, []), entry]  # the newest kind last
+        compared = []
+        for of_kind in by_kind.values():
+            newest = of_kind[-1]
+            comparable = [entry for entry in of_kind if entry.independent_of(newest)]
+            if newest.baseline or not comparable:
+                compared.append(Comparison(newest))
                 continue
-            if not any(drift.drifts for drift in drifts(entry)):
-                break
-            since = entry.stamp
-        return Comparison(newest, baseline, drifts(newest), since)
+            chosen = [entry for entry in comparable if entry.baseline]
+            baseline, since = (chosen or comparable)[0], None
+            for entry in reversed(of_kind[of_kind.index(baseline) + 1 :]):
+                if baseline.independent_of(entry):
+                    drifts = drifts_of(baseline.values, entry.values, significance)
+                    if not any(drift.drifts for drift in drifts):
+                        break
+                    since = entry.stamp
+            drifts = drifts_of(baseline.values, newest.values, significance)
+            compared.append(Comparison(newest, baseline, drifts, since))
+        return compared
 
     def _save(self, entries: Sequence[PastEstimates]) -> None:
         _HistoryFile(identifications=tuple(entries)).write(self._path)
@@ -190,7 +176,7 @@ def drift_report(comparisons: Sequence[Comparison]) -> DriftReport:
         None,
         header=comparisons[-1].newest.stamp if comparisons else 0,
         drifting=any(comparison.drifting for comparison in comparisons),
-        message=drift_sentence(comparisons),
+        message=_sentence(comparisons),
         comparisons=[comparison.to_message() for comparison in comparisons],
     )
 
@@ -208,47 +194,36 @@ def drift_diagnosis(name: str, comparisons: Sequence[Comparison]) -> DiagnosticS
         for drift in shown.drifts:
             values[f"{drift.name} (σ)"] = f"{drift.statistic:+.2f}"
     level = DiagnosticStatus.WARN if alarms else DiagnosticStatus.OK
-    return diagnostic_status(level, f"{name}: drift", name, drift_sentence(comparisons), values)
+    return diagnostic_status(level, f"{name}: drift", name, _sentence(comparisons), values)
 
 
-def drift_sentence(comparisons: Sequence[Comparison]) -> str:
-    """Return one line that says which parameters changed, and since when."""
-    parts = []
+def _sentence(comparisons: Sequence[Comparison]) -> str:
+    parts, unchanged = [], "no earlier identification to compare with"
     for comparison in comparisons:
-        if comparison.drifting:
-            newest = comparison.newest
-            kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
-            changed = "; ".join(
-                f"{drift.name} {drift.before:.4g} → {drift.now:.4g} ({drift.statistic:+.1f} σ)"
-                for drift in comparison.drifting
-            )
-            which = f"{kind}: " if len(comparisons) > 1 else ""
-            parts.append(f"{which}{changed}: changed since {comparison.compared_with}")
-    compared = [comparison for comparison in comparisons if comparison.drifts]
-    if not parts and not compared:
-        return "no earlier identification to compare with"
-    return "; ".join(parts) or (
-        f"no parameter differs from {compared[-1].compared_with} by more than "
-        f"{compared[-1].drifts[0].limit:.2f} σ"
-    )
+        newest, bags = comparison.newest, comparison.compared_with
+        kind = ", ".join(filter(None, (newest.configuration, newest.estimator)))
+        which = f"{kind}: " if len(comparisons) > 1 else ""
+        changed = "; ".join(
+            f"{drift.name} {drift.before:.4g} → {drift.now:.4g} ({drift.statistic:+.1f} σ)"
+            for drift in comparison.drifting
+        )
+        if changed:
+            parts.append(f"{which}{changed}: changed since {bags}")
+        elif comparison.drifts:
+            limit = comparison.drifts[0].limit
+            unchanged = f"no parameter differs from {bags} by more than {limit:.2f} σ"
+    return "; ".join(parts) or unchanged
 
 
 class FolderLock:
-    """Locks a folder for one process; the system releases the lock if the process dies.
-
-    The folder is created if necessary. Where locks are not supported, as on some network disks,
-    several processes may take it.
-    """
+    """Locks a folder, made if needed, until the process ends; some network disks know no locks."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._open: int | None = None
 
     def take(self) -> None:
-        """Create and lock the folder.
-
-        Raises UsageError: it cannot be written, or another identifier holds the lock.
-        """
+        """Create and lock the folder; a UsageError where it cannot be, or another one has it."""
         if self._open is not None:
             return
         try:

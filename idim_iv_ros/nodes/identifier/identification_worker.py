@@ -1,6 +1,6 @@
 """The process that does one job, forked from one in which all libraries are loaded.
 
-Events: ``{"stage": text, "progress": 0 to 1}``, at last ``{"message": verdict}`` or ``{"error": one
+Events: ``{"stage": text, "progress": 0 to 1}``, then ``{"message": verdict}`` or ``{"error":
 line}``.
 """
 
@@ -35,29 +35,30 @@ def do_job(request: Mapping[str, Any], events: Connection) -> None:
 
     When the node ends, this process and its children are killed: no job outlives the node.
     """
+    node = multiprocessing.parent_process()
+    assert node is not None
+
+    def end_with_the_node() -> None:
+        node.join()
+        os.killpg(0, signal.SIGKILL)
+
     os.setsid()  # it is killed with what it started
-    threading.Thread(target=_end_with_the_node, daemon=True).start()
+    threading.Thread(target=end_with_the_node, daemon=True).start()
     with contextlib.suppress(BrokenPipeError):
         _answer(request, events.send)
 
 
-def _end_with_the_node() -> None:
-    node = multiprocessing.parent_process()
-    assert node is not None
-    node.join()
-    os.killpg(0, signal.SIGKILL)
-
-
 def _answer(request: Mapping[str, Any], send: Send) -> None:
     try:
-        send({"message": _work(request, send)})
-    except IdimError as error:
-        send({"error": " ".join(str(error).split())})
+        answer = {"message": _work(request, send)}
     except Exception as error:
-        if isinstance(error, MemoryError) or _NO_ROOM in str(error):
-            send({"error": "not enough memory: see memory_limit; use fewer or shorter bags"})
-        else:
-            send({"error": f"defect in idim_iv_ros ({one_line(error)})"})
+        words = f"defect in idim_iv_ros ({one_line(error)})"
+        if isinstance(error, IdimError):
+            words = " ".join(str(error).split())
+        elif isinstance(error, MemoryError) or _NO_ROOM in str(error):
+            words = "not enough memory: see memory_limit; use fewer or shorter bags"
+        answer = {"error": words}
+    send(answer)
 
 
 def _work(request: Mapping[str, Any], send: Send) -> str:

@@ -15,8 +15,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.nodes.entry import run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
-from idim_iv_ros.nodes.identifier.job import Job, JobListener, Task, requested_job
-from idim_iv_ros.nodes.identifier.job_queue import JobQueue
+from idim_iv_ros.nodes.identifier.job_queue import Job, JobListener, JobQueue, requested_job
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
 from idim_iv_ros.nodes.identifier.request_server import RequestServer, send_last_answers
 from idim_iv_ros.nodes.identifier.worker import StartWorker, Worker, warm
@@ -25,13 +24,8 @@ from idim_iv_ros.nodes.parameters import NodeProgram, read_configuration, with_t
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
-_AFTER = {
-    "configure": INACTIVE,
-    "activate": ACTIVE,
-    "deactivate": INACTIVE,
-    "cleanup": UNCONFIGURED,
-    "shutdown": FINALIZED,
-}
+_AFTER = {"configure": INACTIVE, "activate": ACTIVE, "deactivate": INACTIVE,
+          "cleanup": UNCONFIGURED, "shutdown": FINALIZED}  # fmt: skip
 _LOOK = 0.1  # s between two looks whether a job takes too long
 
 ABOUT = """identifier: identify the dynamic parameters of a robot from its bags.
@@ -48,10 +42,9 @@ With -p auto:=true every bag that the recorder closes is identified. Topics: ~/e
 
 
 class ManagedNode(LifecycleNode):
-    """A lifecycle node: unconfigured, inactive, active or finalized.
+    """A lifecycle node; `transitions` are functions by the name of the transition.
 
-    `transitions` maps ``configure``, ``activate`` and so on to functions, which raise IdimError if
-    the transition is impossible. A failed transition is logged and leaves the state as it was.
+    One that raises an error is logged and leaves the state as it was.
     """
 
     def __init__(self, name: str, transitions: Mapping[str, Callable[[], None]]) -> None:
@@ -66,8 +59,8 @@ class ManagedNode(LifecycleNode):
         """Configure and activate the node; an IdimError says why that is impossible."""
         self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
-            if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
-                assert self._failure is not None
+            trigger()  # type: ignore[no-untyped-call]
+            if self._failure is not None:
                 raise self._failure
         self._starting = False
 
@@ -104,10 +97,21 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._jobs = JobQueue(
             lambda: self._settings, self._guard.trigger, self._job_ended, start_worker=start_worker
         )
-        self._servers = (
-            self._request_server("identification", srv.Identify, action.Identify, self._publisher),
-            self._request_server("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
-        )
+        self._servers = [
+            RequestServer(
+                node,
+                f"~/{service.__name__.lower()}",
+                service,
+                goals,
+                partial(self._submit, task),
+                self._jobs.cancel,
+                partial(getattr, publisher, "last"),
+            )
+            for task, service, goals, publisher in (
+                ("identification", srv.Identify, action.Identify, self._publisher),
+                ("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
+            )
+        ]
         self._diagnostics = Diagnostics(node)
         node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
         steady_timer(node, _LOOK, self._jobs.poll)
@@ -118,33 +122,16 @@ class Identifier(NodeProgram[IdentifierSettings]):
         else:
             node.get_logger().info(f"unconfigured: {self._next_step()}")
 
-    def _request_server(
-        self, task: Task, service: Any, goals: Any, publisher: ResultPublisher | GapPublisher
-    ) -> RequestServer:
-        return RequestServer(
-            self.node,
-            f"~/{service.__name__.lower()}",
-            service,
-            goals,
-            partial(self._submit, task),
-            self._jobs.cancel,
-            lambda: publisher.last,
-        )
-
     def _configure(self) -> None:
-        """Read the robot's configuration and publish the newest saved results."""
         self._configuration = self._read_configuration()
         self._folder.take()
         self._publisher.publish_last()
         self._gaps.publish_last()
 
     def _activate(self) -> None:
-        """Start the worker processes; from now on requests are accepted."""
         if self._start_worker is Worker:
             warm()
-        robot = (
-            "no robot configured" if self._configuration is None else self._settings.configuration
-        )
+        robot = self._settings.configuration or "no robot configured"
         what = "every new bag of" if self._settings.auto else "on request, from bags in"
         folder = Path(self._settings.bag_directory).resolve()
         results = Path(self._settings.output_directory).resolve()
@@ -153,7 +140,6 @@ class Identifier(NodeProgram[IdentifierSettings]):
         )
 
     def _deactivate(self) -> None:
-        """End all jobs; from now on requests are refused."""
         self._jobs.end_all("the identifier was deactivated")
         self.node.get_logger().info("inactive: requests are refused")
 
@@ -167,7 +153,6 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._cleanup()
 
     def _next_step(self) -> str:
-        """Return the lifecycle commands that are needed before requests are accepted."""
         if self._managed.state == FINALIZED:
             return "start the node again"
         name = self.node.get_fully_qualified_name()
@@ -202,7 +187,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         request = srv.Identify.Request(bags=[message.bag])
         self._submit("identification", request, JobListener(ended))
 
-    def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
+    def _submit(self, task: Any, request: Any, listener: JobListener) -> Job | None:
         """Queue a job and return it; None if it was refused, and the listener has the reason."""
         try:
             if self._managed.state != ACTIVE:
@@ -218,27 +203,25 @@ class Identifier(NodeProgram[IdentifierSettings]):
 
     def _job_ended(self, job: Job) -> None:
         """Publish the result of an ended job, or log why there is none; tell the client."""
+        log, names = self.node.get_logger(), ", ".join(job.names)
         if job.success:
             try:
                 (self._publisher if job.task == "identification" else self._gaps).add(job)
                 self._failure = ""
-                self.node.get_logger().info(f"{', '.join(job.names)}: {job.message}")
+                log.info(f"{names}: {job.message}")
             except IdimError as error:
                 job.success, job.message = False, str(error)
         if job.cancelled and not job.success:
-            self.node.get_logger().info(f"{', '.join(job.names)}: cancelled")
+            log.info(f"{names}: cancelled")
         elif not job.success:
-            self._failure = f"{', '.join(job.names)}: {job.message}"
-            self.node.get_logger().error(self._failure)
+            self._failure = f"{names}: {job.message}"
+            log.error(self._failure)
         job.listener.ended(job.success, job.message)
         self._report()
 
     def _report(self) -> None:
+        """Publish what runs, or an ERROR with why the last job failed, and the last results."""
         name = self.node.get_fully_qualified_name()
-        self._diagnostics.publish(self._work_diagnosis(name), *self._publisher.diagnoses(name))
-
-    def _work_diagnosis(self, name: str) -> DiagnosticStatus:
-        """Return the status of the queue: what runs, or an ERROR with why the last job failed."""
         jobs, state = self._jobs, self._managed.state
         level, sentence = DiagnosticStatus.OK, "idle" if state == ACTIVE else state
         if jobs.running is not None:
@@ -246,7 +229,8 @@ class Identifier(NodeProgram[IdentifierSettings]):
         elif self._failure:
             level, sentence = DiagnosticStatus.ERROR, self._failure
         values = {"state": state, "waiting": jobs.waiting}
-        return diagnostic_status(level, f"{name}: identification", name, sentence, values)
+        work = diagnostic_status(level, f"{name}: identification", name, sentence, values)
+        self._diagnostics.publish(work, *self._publisher.diagnoses(name))
 
     def _apply(self, given: set[str]) -> None:
         if "configuration" in given and self._managed.state in (INACTIVE, ACTIVE):

@@ -23,16 +23,12 @@ from idim_iv_ros.nodes.identifier.estimate_history import (
     drift_diagnosis,
     drift_report,
 )
-from idim_iv_ros.nodes.identifier.job import DIAGNOSIS, ESTIMATORS, Job
+from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
-_LEVELS = {
-    "valid": DiagnosticStatus.OK,
-    "autocorrelated": DiagnosticStatus.WARN,
-    "inconclusive": DiagnosticStatus.WARN,
-    "misspecified": DiagnosticStatus.ERROR,
-}
+# Others are WARN.
+_LEVELS = {"valid": DiagnosticStatus.OK, "misspecified": DiagnosticStatus.ERROR}
 
 
 class ResultPublisher:
@@ -61,18 +57,17 @@ class ResultPublisher:
 
     def publish_last(self) -> None:
         """Read the history; publish the newest result whose file can be read, and its drift."""
-        history = self._history = EstimateHistory(self._directory)
+        self._history = EstimateHistory(self._directory)
         # The newest that may be shown; without any, the newest of all.
-        for entry in sorted(history.entries, key=_is_shown)[::-1]:
+        for entry in sorted(self._history.entries, key=_is_shown)[::-1]:
             try:
-                path = self._directory / entry.folder / RESULT
-                result = IdentificationResult.read(path)
+                result = IdentificationResult.read(self._directory / entry.folder / RESULT)
             except IdimError as error:
                 self._node.get_logger().warning(str(error))
                 continue
             self._show(entry, result_message(result, entry.stamp, entry.bags, entry.folder))
             break
-        self._compare(history)
+        self._compare(self._history)
 
     def add(self, job: Job) -> None:
         """Publish the result of a job that has ended, and save it in the history."""
@@ -86,9 +81,7 @@ class ResultPublisher:
             effort_unit=result.effort_unit,
             bags=job.names,
             folder=job.folder.name,
-            values={
-                parameter.name: (parameter.value, parameter.std) for parameter in result.parameters
-            },
+            values={item.name: (item.value, item.std) for item in result.parameters},
             configuration=job.configuration_name,
         )
         self.last = result_message(result, entry.stamp, entry.bags, entry.folder)
@@ -97,8 +90,7 @@ class ResultPublisher:
         history.add(entry, self._settings().history_length)
         self._compare(history)
         newest = self._comparisons[-1]
-        if newest.drifting:
-            names = ", ".join(drift.name for drift in newest.drifting)
+        if names := ", ".join(drift.name for drift in newest.drifting):
             self._node.get_logger().warning(f"changed since {newest.compared_with}: {names}")
 
     def diagnoses(self, name: str) -> list[DiagnosticStatus]:
@@ -124,11 +116,9 @@ class ResultPublisher:
     def _get_history(
         self, request: GetHistory.Request, response: GetHistory.Response
     ) -> GetHistory.Response:
-        response.identifications = [
-            entry.to_message()
-            for entry in ([] if self._history is None else self._history.entries)
-            if request.estimator in ("", entry.estimator)
-        ]
+        entries = [] if self._history is None else self._history.entries
+        wanted = [entry for entry in entries if request.estimator in ("", entry.estimator)]
+        response.identifications = [entry.to_message() for entry in wanted]
         return response
 
     def _set_baseline(
@@ -153,28 +143,25 @@ def _now(node: Node) -> int:
 
 
 def _is_shown(entry: PastEstimates) -> bool:
-    """Return whether an identification is by IDIM-IV with the node's configuration."""
     return not entry.configuration and entry.estimator == ESTIMATORS[0]
 
 
 def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[DiagnosticStatus]:
-    bags = ", ".join(result.parameters.bags)
-    return [
-        diagnostic_status(
-            _LEVELS[residual.verdict],
-            f"{name}: {residual.joint}",
-            residual.joint,
-            residual.sentence,
-            {
-                "verdict": residual.verdict,
-                "bags": bags,
-                f"residual, RMS ({result.effort_unit})": f"{residual.rms:.4g}",
-                "residual (%)": f"{residual.relative_percent:.3g}",
-                "order of its autoregressive model": residual.ar_order,
-            },
+    statuses = []
+    for residual in result.residuals:
+        level = _LEVELS.get(residual.verdict, DiagnosticStatus.WARN)
+        joint = residual.joint
+        values = {
+            "verdict": residual.verdict,
+            "bags": ", ".join(result.parameters.bags),
+            f"residual, RMS ({result.effort_unit})": f"{residual.rms:.4g}",
+            "residual (%)": f"{residual.relative_percent:.3g}",
+            "order of its autoregressive model": residual.ar_order,
+        }
+        statuses.append(
+            diagnostic_status(level, f"{name}: {joint}", joint, residual.sentence, values)
         )
-        for residual in result.residuals
-    ]
+    return statuses
 
 
 class GapPublisher:
@@ -187,7 +174,7 @@ class GapPublisher:
 
     def publish_last(self) -> None:
         """Publish the newest diagnosis in the output directory, if its file can be read."""
-        files = self._directory.glob(f"{DIAGNOSIS}_*/{GAP}")
+        files = self._directory.glob(f"diagnosis_*/{GAP}")
         newest = max(files, key=lambda file: file.stat().st_mtime_ns, default=None)
         if newest is None:
             return
@@ -214,21 +201,16 @@ def gap_message(result: GapResult, stamp: int, bags: Sequence[str], folder: str)
     `bags` are relative to the bag directory, the `folder` of its files to the output directory.
     """
     joints = [joint_gap.joint for joint_gap in result.where.joints]
-    unexplained = {
-        f"unexplained_{name}": getattr(result.unexplained, name, None)
-        for name in ("joint", "family", "share", "where")
-    }
+    names = ("joint", "family", "share", "where")
     return message_of(
         msg.GapReport,
         result,
         _OTHER_NAMES,
-        **unexplained,
+        **{f"unexplained_{name}": getattr(result.unexplained, name, None) for name in names},
         header=stamp,
         joints=result.where.joints,
         regimes=result.where.regimes,
-        stages=[
-            message_of(msg.GapStage, stage, **_per_joint(stage, joints)) for stage in result.stages
-        ],
+        stages=[_stage_message(stage, joints) for stage in result.stages],
         bags=bags,
         files=[f"{folder}/{name}" for name in (GAP, REPORT)],
         duration=sum(result.timing.values()),
@@ -243,19 +225,20 @@ def result_message(
     `bags` are relative to the bag directory, the `folder` of its files to the output directory.
     """
     refined = result.refined
+    parameters = message_of(
+        msg.ParameterEstimates,
+        result,
+        header=stamp,
+        iterations=0 if result.estimator == "idim-ls" else result.iterations,
+        estimates=result.parameters,
+        covariance=result.covariance.ravel(),
+        bags=bags,
+    )
     return message_of(
         msg.IdentificationResult,
         result,
         _OTHER_NAMES,
-        parameters=message_of(
-            msg.ParameterEstimates,
-            result,
-            header=stamp,
-            iterations=0 if result.estimator == "idim-ls" else result.iterations,
-            estimates=result.parameters,
-            covariance=result.covariance.ravel(),
-            bags=bags,
-        ),
+        parameters=parameters,
         instruments=result.instruments.tests,
         instruments_source=result.instruments.source,
         specification=result.specification.tests,
@@ -283,15 +266,17 @@ def _messages(parameters: Mapping[str, EffectParameter]) -> list[msg.ParameterEs
     ]
 
 
-def _per_joint(stage: Stage, joints: Sequence[str]) -> dict[str, object]:
+def _stage_message(stage: Stage, joints: Sequence[str]) -> msg.GapStage:
     intervals = [stage.torque_ci95.get(joint, (None, None)) for joint in joints]
-    return {
-        "stage": stage.name,
-        "torque_rms": [stage.torque_rms.get(joint) for joint in joints],
-        "torque_rms_low": [low for low, _ in intervals],
-        "torque_rms_high": [high for _, high in intervals],
-        "tracking_rms": [(stage.tracking_rms or {}).get(joint) for joint in joints],
-    }
+    return message_of(
+        msg.GapStage,
+        stage,
+        stage=stage.name,
+        torque_rms=[stage.torque_rms.get(joint) for joint in joints],
+        torque_rms_low=[low for low, _ in intervals],
+        torque_rms_high=[high for _, high in intervals],
+        tracking_rms=[(stage.tracking_rms or {}).get(joint) for joint in joints],
+    )
 
 
 def _interval_fields(name: str) -> Callable[[Any], dict[str, object]]:

@@ -26,10 +26,7 @@ _URDF = """<robot name="rehearsal"><link name="base"/>
 
 
 def rehearse() -> None:
-    """Identify a bag of a simulated joint and draw the report, in a temporary folder.
-
-    Kernels that are not in numba's cache are compiled here.
-    """
+    """Identify a bag of a simulated joint and draw the report; compile what is not in the cache."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "arm.urdf").write_text(_URDF)

@@ -14,7 +14,7 @@ from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from idim_iv_ros.nodes.identifier.job import Job, JobListener
+from idim_iv_ros.nodes.identifier.job_queue import Job, JobListener
 
 # Requests that may wait for the executor: the default of services, ten, drops the rest of a burst
 # without an answer.
@@ -41,17 +41,13 @@ class DeferredActionServer(ActionServer):
             cancel(goal)
             return CancelResponse.ACCEPT
 
-        super().__init__(  # type: ignore[no-untyped-call]
-            node,
-            kind,
-            name,
-            lambda goal: None,
-            handle_accepted_callback=accepted,
-            cancel_callback=accept_cancel,
-            goal_service_qos_profile=BURST,
-            result_service_qos_profile=BURST,
-            cancel_service_qos_profile=BURST,
-        )
+        callbacks = {
+            "execute_callback": lambda goal: None,
+            "handle_accepted_callback": accepted,
+            "cancel_callback": accept_cancel,
+        }
+        qos = {f"{what}_service_qos_profile": BURST for what in ("goal", "result", "cancel")}
+        super().__init__(node, kind, name, **callbacks, **qos)  # type: ignore[no-untyped-call]
 
     def notify_execute(self, *_: Any) -> None:
         """Do nothing: the caller of `execute` does the work."""
@@ -76,11 +72,10 @@ class DeferredActionServer(ActionServer):
 class RequestServer:
     """Queues a job for every service request and every goal, and answers when the job has ended.
 
-    `name` is that of the service; the action adds ``_bags``, since a service and an action of one
-    name look the same in lists and in policies. The types `service` and `action` have the same
-    request fields, answers `success`, `message` and `result`, feedback `stage` and `progress`.
-    `submit` takes a request and its listener, and returns the job, or None if it was refused and
-    the listener has the reason. `cancel` takes a job. `result` returns the last message.
+    The action has the `name` of the service and ``_bags``, since equal names look the same in lists
+    and policies. Both types have the same request fields, answers `success`, `message`, `result`,
+    feedback `stage`, `progress`. `submit` returns the job, or None if it was refused and the
+    listener has the reason. `cancel` takes a job; `result` returns the last message.
     """
 
     def __init__(
@@ -93,8 +88,8 @@ class RequestServer:
         cancel: Callable[[Job], None],
         result: Callable[[], Any],
     ) -> None:
-        self._action = action
-        self._submit, self._cancel_job, self._result = submit, cancel, result
+        self._action, self._submit, self._result = action, submit, result
+        self._cancel_job = cancel
         goals = node.resolve_service_name(f"{name}_bags")
         self._goals: dict[bytes, Job] = {}
         # The callback returns the request itself, which arrives where else the answer is sent.
@@ -108,10 +103,10 @@ class RequestServer:
         self.actions = DeferredActionServer(node, action, goals, self._start_goal, self._cancel)
 
     def _start_goal(self, goal: ServerGoalHandle) -> None:
+        number = bytes(goal.goal_id.uuid)
+
         def progress(stage: str, share: float) -> None:
             goal.publish_feedback(self._action.Feedback(stage=stage, progress=share))
-
-        number = bytes(goal.goal_id.uuid)
 
         def ended(result: Any) -> None:
             self._goals.pop(number, None)

@@ -28,7 +28,7 @@ def warm() -> None:
 
 
 def _do_job(request: Request, events: Connection) -> None:
-    """Carry out a job in the worker process; the node does not import what that needs."""
+    # Here, since the node does not import what that needs.
     from idim_iv_ros.nodes.identifier.identification_worker import do_job
 
     do_job(request, events)

@@ -1,5 +1,6 @@
 """The node `recorder`: writes the topics of a robot into MCAP bags."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
@@ -11,28 +12,19 @@ from rclpy.clock import ROSClock
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from idim_iv_interfaces.msg import BagClosed, RecorderStatus
+from idim_iv_interfaces.msg import BagClosed, RecorderStatus, TopicStatus
 from idim_iv_ros.errors import IdimError, UsageError
 from idim_iv_ros.nodes.entry import Result, in_thread, run_node, steady_timer
-from idim_iv_ros.nodes.messages import Diagnostics
+from idim_iv_ros.nodes.messages import Diagnostics, diagnostic_status, message_of
 from idim_iv_ros.nodes.parameters import NodeProgram
-from idim_iv_ros.nodes.recorder.report import (
-    SILENT_CLOCK,
-    RecentCounts,
-    bag_closed,
-    bag_sentence,
-    recorder_diagnosis,
-    recorder_status,
-    topic_diagnosis,
-    topic_status,
-)
-from idim_iv_ros.nodes.recorder.session import RecordingSession, State
-from idim_iv_ros.nodes.recorder.threads import Intake, WriterThread
-from idim_iv_ros.nodes.recorder.topics import TopicSet
+from idim_iv_ros.nodes.recorder.session import Intake, RecordingSession, State, WriterThread
+from idim_iv_ros.nodes.recorder.topics import RecentCounts, TopicSet, topic_diagnosis
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import ClosedBag
 
 _LOOK = 0.1  # s between two looks for publishers
+_CLOCK = "use_sim_time is true and /clock was not heard"
+_SILENT_CLOCK = f"{_CLOCK} yet: nothing is recorded before"
 
 ABOUT = """recorder: record the topics of a robot into MCAP bags.
 
@@ -61,20 +53,22 @@ class Recorder(NodeProgram[RecorderSettings]):
         self._recent: dict[str, RecentCounts] = {}
         self._counted_at = time.monotonic()
         self._fault = self._sentence = ""
-        self._snapshots = SnapshotService(node, self._writer, self._intake.drain, self._announce)
+        self._snapshot: Future[None] | None = None  # one at a time is written
+        self._snapshot_at = float("-inf")
+        self._errors: set[str] = set()  # of other nodes
+        session, call = self._session, self._call
         self._actions: dict[str, Callable[[], str]] = {
             "start": self._start,
             "stop": self._stop,
-            "abort": lambda: (
-                f"{self._call(partial(self._session.stop, aborted=True)).folder}: given up"
-            ),
-            "pause": lambda: self._call(partial(self._session.go_on, State.PAUSED)),
-            "resume": lambda: self._call(partial(self._session.go_on, State.RECORDING)),
-            "split": lambda: f"closed {self._call(self._session.split)}",
-            "snapshot": self._snapshots.take,
+            "abort": lambda: f"{call(partial(session.stop, aborted=True)).folder}: given up",
+            "pause": lambda: call(partial(session.go_on, State.PAUSED)),
+            "resume": lambda: call(partial(session.go_on, State.RECORDING)),
+            "split": lambda: f"closed {call(session.split)}",
+            "snapshot": self._write_snapshot,
         }
         for name in self._actions:
             node.create_service(Trigger, f"~/{name}", partial(self._answer, name))
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._watch_errors, 100)
         steady_timer(node, _LOOK, self._topics.look)
         steady_timer(node, self._settings.status_period, self._report)
         self._follow_changes()
@@ -94,7 +88,8 @@ class Recorder(NodeProgram[RecorderSettings]):
             if self._session.bag is not None:
                 self.act("stop")
         finally:
-            self._snapshots.close()
+            if self._snapshot is not None:
+                self._snapshot.exception()  # waits for it
             self._writer.end()
             self._topics.close()
             super().close()
@@ -117,7 +112,7 @@ class Recorder(NodeProgram[RecorderSettings]):
                 topic.monitor.reset()
                 topic.too_large = 0
             self._writer.overrun = 0
-            return f"recording into {folder}" + f"; {SILENT_CLOCK}" * self._session.waits
+            return f"recording into {folder}" + f"; {_SILENT_CLOCK}" * self._session.waits
 
         return self._call(start)
 
@@ -135,10 +130,10 @@ class Recorder(NodeProgram[RecorderSettings]):
     ) -> Trigger.Response:
         try:
             response.success, response.message = True, self.act(name)
-        except IdimError as error:
-            response.success, response.message = False, str(error)
-        except TimeoutError:
-            response.success, response.message = False, "the disk did not answer for 10 s"
+        except (IdimError, TimeoutError) as error:
+            slow = isinstance(error, TimeoutError)
+            why = "the disk did not answer for 10 s" if slow else str(error)
+            response.success, response.message = False, why
         log = self.node.get_logger()
         if not response.success:
             log.error(response.message)
@@ -147,40 +142,142 @@ class Recorder(NodeProgram[RecorderSettings]):
         return response
 
     def _report(self) -> None:
+        """Publish ~/status, and the same in words on /diagnostics."""
         name = self.node.get_fully_qualified_name()
-        now = time.monotonic()
+        session, bag, now = self._session, self._session.bag, time.monotonic()
         seconds, self._counted_at = now - self._counted_at, now
-        statuses = []
+        counted, diagnoses = [], []
         for topic in self._topics.topics:
-            received = topic.monitor.received
+            received, content = topic.monitor.received, topic.monitor.content
             new = received - self._counted.get(topic.name, 0)
             self._counted[topic.name] = received
-            rate = (new if new >= 0 else received) / seconds
-            statuses.append(topic_status(topic, self._session, rate))
-        failure = self._writer.failure or self._intake.failure
-        status = recorder_status(self._writer, statuses, failure, self._now())
-        self._status.publish(status)
-        diagnoses = [recorder_diagnosis(name, status, self._session.ring)]
-        for topic, counted in zip(self._topics.topics, statuses, strict=True):
-            recent = self._recent.setdefault(topic.name, RecentCounts()).since(counted, now)
-            diagnoses.append(topic_diagnosis(name, topic, counted, recent))
-        self._diagnostics.publish(*diagnoses)
-        if status.fault != self._fault:
-            self._fault = status.fault
-            self.node.get_logger().error(status.fault or "the fault is over")
+            status = message_of(
+                TopicStatus,
+                topic.monitor,
+                name=topic.name,
+                type=topic.channel and topic.channel.message_type,
+                publishers=topic.publishers,
+                rate=(new if new >= 0 else received) / seconds,
+                recorded=session.recorded(topic.name),
+                malformed=topic.too_large + (content.malformed if content else 0),
+            )
+            counted.append(status)
+            recent = self._recent.setdefault(topic.name, RecentCounts()).since(status, now)
+            diagnoses.append(topic_diagnosis(name, topic, status, recent))
+        failure = session.fault or self._writer.failure or self._intake.failure
+        waits = bag is not None and session.waits
+        recording = session.state == State.RECORDING
+        whole = message_of(
+            RecorderStatus,
+            None,
+            header=self._now(),
+            state=int(State.WAITING_FOR_CLOCK if waits and recording else session.state),
+            bag=bag and str(bag.folder),
+            file=bag and bag.file.path.name,
+            splits=bag and len(bag.closed),
+            duration=session.duration,
+            bytes=bag and bag.size,
+            free_disk=session.free_disk(),
+            waiting=bag and bag.file.waiting,
+            dropped=session.dropped + self._writer.overrun,
+            fault=failure or (_SILENT_CLOCK if waits else ""),
+            topics=counted,
+        )
+        self._status.publish(whole)
+        level, sentence = DiagnosticStatus.OK, State(whole.state).name.lower()
+        if whole.fault or whole.dropped:
+            level = DiagnosticStatus.ERROR
+            lost = f"{whole.dropped} messages could not be kept: memory_limit was reached"
+            sentence = whole.fault or lost
+        shown = ("bag", "file", "bytes", "waiting", "dropped")
+        values = {item: getattr(whole, item) for item in shown}
+        values |= {"duration (s)": f"{whole.duration:.1f}", "free disk (B)": whole.free_disk}
+        if session.ring.duration:
+            span, size = f"{session.ring.span:.1f}", session.ring.size
+            values |= {"in memory (s)": span, "in memory (B)": size}
+        recorder = diagnostic_status(level, f"{name}: recording", name, sentence, values)
+        self._diagnostics.publish(recorder, *diagnoses)
+        if whole.fault != self._fault:
+            self._fault = whole.fault
+            self.node.get_logger().error(whole.fault or "the fault is over")
 
     def _announce(self, closed: ClosedBag, faulty: bool = False) -> BagClosed:
-        message = bag_closed(closed, faulty, self._topics.topics, self._now())
+        monitors = [topic.monitor for topic in self._topics.topics]
+        shares = [m.received / (m.received + m.lost) for m in monitors if m.counts_lost]
+        counts = ("lost", "late", "gaps")
+        message = message_of(
+            BagClosed,
+            None,
+            header=self._now(),
+            bag=str(closed.folder),
+            files=[file.name for file in closed.files],
+            duration=closed.duration * 1e-9,
+            messages=sum(file.messages for file in closed.files),
+            arrived=min(shares, default=math.nan),
+            bytes=sum(file.size for file in closed.files),
+            complete=not faulty,
+            **{name: sum(getattr(monitor, name) for monitor in monitors) for name in counts},
+        )
         self._bags.publish(message)
         return message
 
     def _bag_ended(self, closed: ClosedBag, faulty: bool) -> None:
-        message, log = self._announce(closed, faulty), self.node.get_logger()
-        self._sentence, warns = bag_sentence(message, self._topics.topics, self._writer)
-        if warns:
+        """Announce a closed bag, and say what it holds and lacks."""
+        message, topics = self._announce(closed, faulty), self._topics.topics
+        parts = [f"{message.messages} messages in {message.duration:.1f} s"]
+        for what in ("lost", "late", "gaps"):
+            names = ", ".join(topic.name for topic in topics if getattr(topic.monitor, what))
+            parts.append(f"{getattr(message, what)} {what}" + (f" ({names})" if names else ""))
+        if not math.isnan(message.arrived):
+            # Rounded down: of a million with one lost, not all arrived.
+            parts.append(f"{math.floor(1e4 * message.arrived) / 1e2:g} % arrived")
+        troubles = [_CLOCK] if self._session.waits else []
+        if kept_out := self._session.dropped + self._writer.overrun:
+            troubles.append(f"{kept_out} arrived and could not be kept")
+        troubles += [t.absence for t in topics if t.absence and not t.monitor.received]
+        self._sentence = f"{message.bag}: {', '.join([*parts, *troubles])}"
+        log = self.node.get_logger()
+        if troubles or message.lost or message.gaps or not message.messages:
             log.warning(self._sentence)
         else:
             log.info(self._sentence)
+
+    def _write_snapshot(self) -> str:
+        """Begin to write a snapshot in another thread; return a sentence that names its folder."""
+        if self._snapshot is not None and not self._snapshot.done():
+            raise UsageError("the last snapshot is still being written")
+        folder, write = self._call(self._session.snapshot)
+
+        def work() -> None:
+            try:
+                self._announce(write())
+            except OSError as error:
+                reason = error.strerror or error
+                self.node.get_logger().error(f"the snapshot could not be written: {reason}")
+
+        self._snapshot_at = time.monotonic()
+        self._snapshot = in_thread(work, "snapshot")
+        return f"the last {self._session.ring.span:.1f} s go into {folder}"
+
+    def _watch_errors(self, array: DiagnosticArray) -> None:
+        # Without the recorder's errors: with a full disk a snapshot is impossible.
+        mine = (self.node.get_name(), self.node.get_fully_qualified_name())
+        errors = {
+            status.name: f"{status.name}: {status.message}"
+            for status in array.status
+            if status.level == DiagnosticStatus.ERROR and not status.name.startswith(mine)
+        }
+        new = [error for name, error in errors.items() if name not in self._errors]
+        self._errors = self._errors - {status.name for status in array.status} | errors.keys()
+        duration = self._settings.snapshot_duration
+        recent = time.monotonic() - self._snapshot_at < duration
+        if not new or recent or not (self._settings.snapshot_on_error and duration):
+            return
+        try:
+            said = self._write_snapshot()
+        except (IdimError, TimeoutError) as error:
+            said = str(error)
+        self.node.get_logger().error(f"{new[0]}: {said}")
 
     def _refuse(self, given: Mapping[str, object]) -> str:
         before = self._settings.configuration
@@ -196,76 +293,6 @@ class Recorder(NodeProgram[RecorderSettings]):
             self._call(self._session.forget)
         elif given & {"extra_topics", "extra_topics_regex"}:
             self._topics.extend(settings)
-
-
-class SnapshotService:
-    """Writes snapshots (bags of the last seconds), one at a time.
-
-    `drain` hands all messages that have arrived to the writer; `announce` takes the complete bag.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        writer: WriterThread,
-        drain: Callable[[], None],
-        announce: Callable[[ClosedBag], object],
-    ) -> None:
-        self._node, self._writer = node, writer
-        self._drain, self._announce = drain, announce
-        self._writing: Future[None] | None = None
-        self._errors: set[str] = set()
-        self._taken = float("-inf")
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._watch_errors, 100)
-
-    @property
-    def _session(self) -> RecordingSession:
-        return self._writer.session
-
-    def take(self) -> str:
-        """Begin to write a snapshot in another thread; return a sentence that names its folder."""
-        if self._writing is not None and not self._writing.done():
-            raise UsageError("the last snapshot is still being written")
-        self._drain()
-        folder, write = self._writer.call(self._session.snapshot)
-
-        def work() -> None:
-            try:
-                closed = write()
-            except OSError as error:
-                reason = error.strerror or error
-                self._node.get_logger().error(f"the snapshot could not be written: {reason}")
-            else:
-                self._announce(closed)
-
-        self._taken = time.monotonic()
-        self._writing = in_thread(work, "snapshot")
-        return f"the last {self._session.ring.span:.1f} s go into {folder}"
-
-    def close(self) -> None:
-        """Wait for a snapshot that is being written."""
-        if self._writing is not None:
-            self._writing.exception()
-
-    def _watch_errors(self, array: DiagnosticArray) -> None:
-        # Without the recorder's errors: with a full disk a snapshot is impossible.
-        mine = (self._node.get_name(), self._node.get_fully_qualified_name())
-        errors = {
-            status.name: f"{status.name}: {status.message}"
-            for status in array.status
-            if status.level == DiagnosticStatus.ERROR and not status.name.startswith(mine)
-        }
-        new = [error for name, error in errors.items() if name not in self._errors]
-        self._errors = self._errors - {status.name for status in array.status} | errors.keys()
-        settings = self._session.settings
-        recent = time.monotonic() - self._taken < settings.snapshot_duration
-        if not new or recent or not (settings.snapshot_on_error and settings.snapshot_duration):
-            return
-        log = self._node.get_logger()
-        try:
-            log.error(f"{new[0]}: {self.take()}")
-        except (IdimError, TimeoutError) as error:
-            log.error(f"{new[0]}: {error}")
 
 
 run = partial(run_node, "recorder", Recorder, ABOUT)

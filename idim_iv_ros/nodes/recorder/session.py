@@ -1,17 +1,28 @@
-"""Recording as a state machine: start, stop, pause, resume, split, snapshot; and a full disk."""
+"""Recording as a state machine, and its two threads.
 
-import os
+One takes messages from subscriptions and never waits for a disk, one counts and writes them.
+"""
+
+import shutil
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
+from queue import SimpleQueue
+from typing import NamedTuple
 
-from idim_iv_ros.errors import UsageError
-from idim_iv_ros.nodes.entry import new_folder_path
+import numpy as np
+
+from idim_iv_ros.errors import UsageError, one_line
+from idim_iv_ros.nodes.entry import Result, new_folder_path, promised
+from idim_iv_ros.nodes.recorder.topic_monitor import Taken, TopicMonitor, batch_of
+from idim_iv_ros.nodes.recorder.topics import TopicSet
 from idim_iv_ros.nodes.settings import RecorderSettings
 from idim_iv_ros.recording.writing.growing_bag import (
     ClosedBag,
@@ -19,9 +30,10 @@ from idim_iv_ros.recording.writing.growing_bag import (
     GrowingBag,
     Message,
 )
-from idim_iv_ros.recording.writing.write import PRESETS, Storage, TopicChannel
+from idim_iv_ros.recording.writing.write import PRESETS, TopicChannel
 
 _OVERHEAD = 250  # bytes of memory for a message beside its content
+_PERIOD, _INTAKE_PERIOD = 0.1, 0.01  # s
 
 
 class State(IntEnum):
@@ -34,15 +46,15 @@ class State(IntEnum):
     WAITING_FOR_CLOCK = 4
 
 
+@dataclass
 class SnapshotRing:
-    """Messages of the last seconds, in memory. Not thread-safe.
+    """Messages of the last seconds, in memory. Not thread-safe."""
 
-    Messages are kept for `duration`, s of log time (0: none), as far as `limit` bytes of memory
-    allow; `size` is about the memory used, bytes.
-    """
+    duration: float  # s of log time for which messages are kept; 0: none
+    limit: int  # bytes of memory
+    size: int = 0  # bytes used, about
 
-    def __init__(self, duration: float, limit: int) -> None:
-        self.duration, self.limit, self.size = duration, limit, 0
+    def __post_init__(self) -> None:
         # Oldest and newest log time, memory, messages.
         self._batches: deque[tuple[int, int, int, Sequence[Message]]] = deque()
         self._channels: dict[str, TopicChannel] = {}
@@ -83,30 +95,20 @@ class SnapshotRing:
         return [self._channels[name] for name in self._channels if name in present], messages
 
 
+@dataclass
 class RecordingSession:
-    """State machine of the recorder, with one open bag at most. Not thread-safe.
+    """State machine of the recorder, with one open bag at most. Not thread-safe."""
 
-    `clock` returns log time, ns; nothing is recorded while it is zero. `closed` takes every closed
-    bag, and whether it is faulty or was aborted.
+    settings: RecorderSettings
+    clock: Callable[[], int]  # log time, ns; nothing is recorded while it is zero
+    closed: Callable[[ClosedBag, bool], None]  # takes a bag, and whether it is not complete
+    state: State = State.IDLE
+    fault: str = ""  # one line on what is wrong and what to do
+    dropped: int = 0  # messages that were not written since the start
+    bag: GrowingBag | None = None
 
-    `fault`: one line on what is wrong and what to do; empty if nothing is. `dropped`: messages that
-    were not written since the start. `ring`: messages of the last seconds, recorded or not.
-    """
-
-    def __init__(
-        self,
-        settings: RecorderSettings,
-        clock: Callable[[], int],
-        closed: Callable[[ClosedBag, bool], None],
-    ) -> None:
-        self.settings = settings
-        self.state = State.IDLE
-        self.fault = ""
-        self.dropped = 0
-        self.bag: GrowingBag | None = None
-        self._clock = clock
-        self._closed = closed
-        self.ring = SnapshotRing(settings.snapshot_duration, settings.snapshot_memory)
+    def __post_init__(self) -> None:
+        self.ring = SnapshotRing(self.settings.snapshot_duration, self.settings.snapshot_memory)
         self._latched: dict[str, tuple[TopicChannel, Message]] = {}
         self._last: tuple[FileSummary, ...] = ()
         self._started = self._committed = 0.0
@@ -114,11 +116,11 @@ class RecordingSession:
     @property
     def waits(self) -> bool:
         """Return whether nothing can be recorded yet, because simulated time has not begun."""
-        return self._clock() == 0
+        return self.clock() == 0
 
     @property
     def duration(self) -> float:
-        """Seconds since the recording was started; zero when there is none."""
+        """Return the seconds since the recording was started; zero when there is none."""
         return time.monotonic() - self._started if self.bag is not None else 0.0
 
     def recorded(self, topic: str) -> int:
@@ -130,20 +132,17 @@ class RecordingSession:
     def free_disk(self) -> int:
         """Return the free bytes on the disk of the bags; zero if unknown."""
         try:
-            disk = os.statvfs(self.settings.bag_directory)
+            return shutil.disk_usage(self.settings.bag_directory).free
         except OSError:
             return 0
-        return disk.f_bavail * disk.f_frsize
 
     def start(self) -> Path:
-        """Open a new bag and return its folder.
-
-        A UsageError says that a recording is going on, or that the bag cannot be made.
-        """
+        """Open a new bag and return its folder; a UsageError says why that is impossible."""
         if self.bag is not None:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
         settings = self.settings
-        latched, channels = self._last_latched()
+        latched = {name: message for name, (_, message) in self._latched.items()}
+        channels = [channel for channel, _ in self._latched.values()]
         folder = Path(self.settings.bag_directory).resolve()
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -154,10 +153,10 @@ class RecordingSession:
                 with suppress(FileExistsError):
                     self.bag = GrowingBag(
                         folder,
-                        self._clock,
+                        self.clock,
                         latched,
                         channels,
-                        storage=self._storage,
+                        storage=PRESETS[settings.storage_preset],
                         max_size=settings.max_file_size,
                         max_duration=settings.max_file_duration,
                     )
@@ -196,10 +195,7 @@ class RecordingSession:
         return state.name.lower()
 
     def split(self) -> Path:
-        """Close the present file, go on in a new one, and return the path of the closed one.
-
-        A UsageError says that nothing is being recorded, or that the new file cannot be made.
-        """
+        """Go on in a new file and return the path of the old one; a UsageError says why not."""
         bag = self._open_bag()
         path = bag.file.path
         try:
@@ -230,24 +226,27 @@ class RecordingSession:
         self.bag.repeat({name: untimed[name] for name in latched & untimed.keys()})
         self.bag.add(sorted(messages, key=itemgetter(0)))
         if self.bag.file.waiting_bytes > self.settings.memory_limit:
-            self._give_up()
+            closed = self.bag.abandon()
+            self.dropped += closed.lost
+            self._end(closed, faulty=True)
+            self.fault = (
+                f"{closed.folder}: {closed.lost} messages could not be written and memory_limit is "
+                "reached; what is on disk is complete; free space, then call start"
+            )
 
     def snapshot(self) -> tuple[Path, Callable[[], ClosedBag]]:
-        """Return the folder of a new snapshot, and a function that writes it in any thread.
-
-        A UsageError says that no messages are kept, or that there is no space.
-        """
+        """Return the folder of a new snapshot and what writes it; a UsageError says why not."""
         if not self.ring.duration:
             raise UsageError("no snapshot: snapshot_duration is 0; set it to the seconds to keep")
         channels, messages = self.ring.content()
         if not messages:
             raise UsageError("no snapshot: no message has arrived")
         self._require_space()
-        latched, latched_channels = self._last_latched()
+        topics = {name: channel for name, (channel, _) in self._latched.items()}
+        topics |= {channel.name: channel for channel in channels}
         present = {message[1] for message in messages}
-        before = {name: message for name, message in latched.items() if name not in present}
-        topics = {channel.name: channel for channel in (*latched_channels, *channels)}
-        folder, storage = self._new_folder("_snapshot"), self._storage
+        before = {name: last for name, (_, last) in self._latched.items() if name not in present}
+        folder, storage = self._new_folder("_snapshot"), PRESETS[self.settings.storage_preset]
 
         def write() -> ClosedBag:
             first = messages[0][0]
@@ -261,18 +260,9 @@ class RecordingSession:
 
         return folder, write
 
-    def _last_latched(self) -> tuple[dict[str, Message], list[TopicChannel]]:
-        """Return the last message of each latched topic, and the channels of these topics."""
-        messages = {name: message for name, (_, message) in self._latched.items()}
-        return messages, [channel for channel, _ in self._latched.values()]
-
     def _new_folder(self, suffix: str = "") -> Path:
         directory = Path(self.settings.bag_directory).resolve()
         return new_folder_path(directory, self.settings.bag_prefix + suffix)
-
-    @property
-    def _storage(self) -> Storage:
-        return PRESETS[self.settings.storage_preset]
 
     def tick(self) -> None:
         """Write waiting messages to disk when due; call several times a second."""
@@ -299,22 +289,11 @@ class RecordingSession:
                 "what arrived is in the bag; free space, then call start"
             )
 
-    def _give_up(self) -> None:
-        """Close the bag without the waiting messages, which exceed the memory limit."""
-        assert self.bag is not None
-        closed = self.bag.abandon()
-        self.dropped += closed.lost
-        self._end(closed, faulty=True)
-        self.fault = (
-            f"{closed.folder}: {closed.lost} messages could not be written and memory_limit is "
-            "reached; what is on disk is complete; free space, then call start"
-        )
-
     def _end(self, closed: ClosedBag, faulty: bool, aborted: bool = False) -> None:
         self._last = closed.files
         self.bag = None
         self.state = State.STOPPED_BY_FAULT if faulty else State.IDLE
-        self._closed(closed, faulty or aborted)
+        self.closed(closed, faulty or aborted)
 
     def _open_bag(self) -> GrowingBag:
         if self.bag is None:
@@ -328,3 +307,134 @@ class RecordingSession:
                 f"{self.settings.bag_directory}: {free / 1e6:.0f} MB of free disk, "
                 f"minimum_free_disk is {self.settings.minimum_free_disk / 1e6:.0f} MB"
             )
+
+
+class WriterThread(threading.Thread):
+    """The only thread that uses a RecordingSession: counts messages and writes them."""
+
+    def __init__(self, session: RecordingSession) -> None:
+        super().__init__(name="writer", daemon=True)
+        self.session = session
+        self.overrun = 0  # messages dropped because `memory_limit` was full of unprocessed ones
+        self.failure = ""  # an unexpected error, in words
+        self._queue: SimpleQueue[_Batch | Callable[[], None]] = SimpleQueue()
+        self._queued_bytes = 0
+        self._wake = threading.Event()
+        self._ended = False
+
+    def submit(
+        self, channel: TopicChannel, monitor: TopicMonitor, taken: list[Taken], log_time: int | None
+    ) -> None:
+        """Queue messages of one topic; `log_time`, ns, or None for their times of receipt."""
+        size = sum(len(message) for message, _ in taken)
+        if self._queued_bytes + size > self.session.settings.memory_limit:
+            self.overrun += len(taken)
+            return
+        self._queued_bytes += size
+        self._queue.put(_Batch(channel, monitor, taken, log_time, size))
+
+    def call(self, function: Callable[[], Result], timeout: float = 10.0) -> Result:
+        """Run a function in this thread after all queued messages, and return its result."""
+        future, work = promised(function)
+        self._queue.put(work)
+        self._wake.set()
+        return future.result(timeout)
+
+    def end(self) -> None:
+        """End the thread after all queued messages, and wait for it."""
+        self._ended = True
+        self._wake.set()
+        self.join()
+
+    def run(self) -> None:
+        """Write messages until `end`."""
+        while not self._ended:
+            self._wake.wait(_PERIOD)
+            self._wake.clear()
+            self._guard(self._work)
+            self._guard(self.session.tick)
+        self._guard(self._work)
+
+    def _guard(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except Exception as error:  # the thread must live on: what comes next can be written
+            self.failure = f"messages could not be written: {one_line(error)}"
+
+    def _work(self) -> None:
+        """Process the queue: messages of each topic together, functions in between."""
+        waiting: dict[str, list[_Batch]] = {}
+        while not self._queue.empty():
+            item = self._queue.get()
+            if isinstance(item, _Batch):
+                waiting.setdefault(item.channel.name, []).append(item)
+                self._queued_bytes -= item.size
+                continue
+            self._write(waiting)
+            waiting = {}
+            item()
+        self._write(waiting)
+
+    def _write(self, waiting: "dict[str, list[_Batch]]") -> None:
+        messages: list[Message] = []
+        for topic, batches in waiting.items():
+            taken = [message for batch in batches for message in batch.taken]
+            arrived = batch_of(taken)
+            batches[-1].monitor.add(arrived, self.session.settings)
+            log_times = arrived.received.tolist()
+            if batches[0].log_time is not None:
+                log_times = [batch.log_time for batch in batches for _ in batch.taken]
+            sequence = np.maximum(arrived.sequence, 0).tolist()
+            sent = arrived.sent.tolist()
+            messages += zip(
+                log_times, repeat(topic), arrived.messages, sent, sequence, strict=False
+            )
+        if messages:
+            self.session.write([batches[-1].channel for batches in waiting.values()], messages)
+
+
+class _Batch(NamedTuple):
+    """Messages of one topic that wait to be counted and written; `size` in bytes."""
+
+    channel: TopicChannel
+    monitor: TopicMonitor
+    taken: list[Taken]
+    log_time: int | None
+    size: int
+
+
+class Intake(threading.Thread):
+    """Thread that takes messages of all topics a hundred times a second for the writer.
+
+    Its clock is steady. `log_time` returns the log time, ns, or None for the time of receipt.
+    """
+
+    def __init__(
+        self, writer: WriterThread, topics: TopicSet, log_time: Callable[[], int | None]
+    ) -> None:
+        super().__init__(name="intake", daemon=True)
+        self.failure = ""  # why messages could not be taken
+        self._writer, self._topics, self._log_time = writer, topics, log_time
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Take messages until `end`."""
+        while not self._ended.wait(_INTAKE_PERIOD):
+            try:
+                self.drain()
+            except Exception as error:  # one topic that cannot be read must not end all
+                self.failure = f"cannot take messages: {one_line(error)}"
+
+    def drain(self) -> None:
+        """Hand all messages that have arrived to the writer."""
+        with self._lock:
+            for topic in self._topics.topics:
+                taken = topic.take(self._writer.session.settings.max_message_size)
+                if taken and topic.channel is not None:
+                    self._writer.submit(topic.channel, topic.monitor, taken, self._log_time())
+
+    def end(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self.join()

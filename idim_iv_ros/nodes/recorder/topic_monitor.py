@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.nodes.settings import RecorderSettings
@@ -25,11 +24,10 @@ _LOOKED_AT = 50
 
 
 class JointContent:
-    """Checks the content of a topic with joint messages.
+    """Checks the content of a topic with joint messages, of several parts of the robot or all.
 
-    `joints` should be in the messages (empty: any), with numbers in the fields `needed`:
-    ``position``, ``effort``. `malformed` counts messages that are not of the topic's type. Parts of
-    the robot may have separate messages.
+    `joints` should be in them (empty: any), with numbers in the fields `needed`: ``position``,
+    ``effort``. `malformed` counts messages that are not of the topic's type.
     """
 
     def __init__(self, message_type: str, joints: Sequence[str], needed: Sequence[str]) -> None:
@@ -73,39 +71,32 @@ class JointContent:
 
 @dataclass(frozen=True)
 class Received:
-    """A batch of messages of one topic as the middleware handed it over.
-
-    Times of receipt and source stamps (n,) in ns; publication sequence numbers (n,), or -1.
-    """
+    """A batch of messages of one topic as the middleware handed it over."""
 
     messages: list[bytes]
-    received: IntArray
-    sent: IntArray
-    sequence: IntArray
+    received: IntArray  # (n,), ns
+    sent: IntArray  # (n,), source stamps, ns
+    sequence: IntArray  # (n,), publication sequence numbers, or -1
 
 
+@dataclass(eq=False)
 class TopicMonitor:
-    """Counts of one topic since the last reset; `clock` is monotonic time, s.
+    """Counts of one topic since the last reset.
 
     `lost`: holes in the publisher's sequence numbers; not counted while several publishers share
     the topic, since the middleware does not say which of them sent a message. `backward`: messages
     whose stamp (of the header, the source or the receipt) precedes that of the previous message.
     """
 
-    def __init__(
-        self,
-        content: JointContent | None,
-        has_header: bool,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.content = content
-        self._has_header, self._clock = has_header, clock
+    content: JointContent | None
+    has_header: bool
+    clock: Callable[[], float] = time.monotonic  # s
+
+    def __post_init__(self) -> None:
         self._periods: IntArray = np.zeros(0, dtype=np.int64)
         self._sequence: int | None = None
-        self._last_sent: int | None = None
-        self._last_received: int | None = None
-        self._last_stamp: int | None = None
-        self._arrived = clock()
+        self._last: list[int] | None = None  # times of the last message
+        self._arrived = self.clock()
         self.one_publisher = True
         self.reset()
 
@@ -134,13 +125,13 @@ class TopicMonitor:
     @property
     def silence(self) -> float:
         """Return the time since the last message (at first since construction), s."""
-        return self._clock() - self._arrived
+        return self.clock() - self._arrived
 
     def add(self, batch: Received, settings: RecorderSettings) -> None:
         """Count a batch; the settings define late messages and gaps."""
         if not batch.messages:
             return
-        self._arrived = self._clock()
+        self._arrived = self.clock()
         self.received += len(batch.messages)
         self.bytes += sum(map(len, batch.messages))
         late = batch.received - batch.sent > settings.late_after * 1e9
@@ -150,26 +141,21 @@ class TopicMonitor:
             steps = np.diff(batch.sequence, prepend=before)
             self._sequence = int(batch.sequence[-1])
             self.lost += int(np.sum(steps[steps > 1] - 1)) if self.one_publisher else 0
-        before = batch.sent[0] if self._last_sent is None else self._last_sent
-        steps = np.diff(batch.sent, prepend=before)
+        stamps = [batch.sent, batch.received]
+        stamps += [_header_stamps(batch.messages)] if self.has_header else []
+        before = [times[0] for times in stamps] if self._last is None else self._last
+        self._last = [int(times[-1]) for times in stamps]
+        back = [np.diff(times, prepend=t) < 0 for times, t in zip(stamps, before, strict=True)]
+        self.backward += int(np.count_nonzero(np.any(back, axis=0)))
+        steps = np.diff(batch.sent, prepend=before[0])
         steps = steps[steps > 0]
         if self.period is not None:
             gap = settings.gap_factor * self.period * 1e9
             self.gaps += int(np.count_nonzero(steps > gap))
         self.longest_gap = max(self.longest_gap, float(steps.max(initial=0)) * 1e-9)
         self._periods = np.append(self._periods, steps)[-_PERIODS:]
-        self._count_backward(batch)
         if self.content is not None:
             self.content.look(batch.messages)
-
-    def _count_backward(self, batch: Received) -> None:
-        back = _drops(batch.sent, self._last_sent) | _drops(batch.received, self._last_received)
-        self._last_sent, self._last_received = int(batch.sent[-1]), int(batch.received[-1])
-        if self._has_header:
-            stamps = header_stamps(batch.messages)
-            back |= _drops(stamps, self._last_stamp)
-            self._last_stamp = int(stamps[-1])
-        self.backward += int(np.count_nonzero(back))
 
 
 def batch_of(taken: Sequence[Taken]) -> Received:
@@ -187,14 +173,7 @@ def batch_of(taken: Sequence[Taken]) -> Received:
     )
 
 
-def _drops(times: IntArray, before: int | None) -> NDArray[np.bool_]:
-    return np.asarray(np.diff(times, prepend=times[0] if before is None else before) < 0)
-
-
-def header_stamps(messages: Sequence[bytes]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the stamps (n,), ns, of messages that begin with a header."""
-    if not messages:
-        return np.zeros(0, dtype=np.int64)
+def _header_stamps(messages: Sequence[bytes]) -> IntArray:
     order = "<" if messages[0][1:2] == b"\x01" else ">"
     raw = b"".join([message[4:12].ljust(8, b"\0") for message in messages])
     stamps = np.frombuffer(raw, dtype=[("sec", order + "i4"), ("nanosec", order + "u4")])

@@ -4,7 +4,8 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
@@ -41,7 +42,6 @@ _QUEUE = 1000
 _LOOK = 0.1  # s between two looks at what the threads do
 _PATIENCE = 2.0  # s; what was compiled before is there by then
 _COMPILING = "the simulation is compiled, once on a new machine: a minute or two"
-
 _LEAD = 0.3  # s in which the change to another motion is simulated; longer if that is not enough
 
 
@@ -51,16 +51,19 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
     def __init__(self, arguments: Sequence[str] = ()) -> None:
         super().__init__(Node("robot_simulator"), SimulatorSettings, arguments)
         node = self.node
-        self._simulation = _load_simulation(Path(self._settings.configuration))
-        robot = self._simulation.robot
-        limits = robot.robot.limits
-        middle = 0.5 * (limits.lower + limits.upper)
+        configuration = load_configuration(Path(self._settings.configuration))
+        period = configuration.controller.period
+        rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
+        if rate > _FASTEST + 1e-6:
+            where = f"{configuration.source}: simulated_robot.rate"
+            raise UsageError(f"{where}: {rate:g} Hz; at most {_FASTEST:g} Hz in real time")
+        robot = simulated_robot(configuration)
+        self._simulation = MotionSimulation(robot, float(rate))
+        middle = 0.5 * (robot.robot.limits.lower + robot.robot.limits.upper)
         self._references = np.where(np.isfinite(middle), middle, 0.0)[None]
-        node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED).publish(
-            String(data=robot.description)
-        )
-        truth = json.dumps(robot.truth)
-        node.create_publisher(String, "~/truth", LATCHED).publish(String(data=truth))
+        texts = {ROBOT_DESCRIPTION: robot.description, "~/truth": json.dumps(robot.truth)}
+        for name, text in texts.items():
+            node.create_publisher(String, name, LATCHED).publish(String(data=text))
         self._playback: Playback | None = None
         self._planning = threading.Lock()
         self._problem = ""
@@ -85,33 +88,30 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             self._random_motion(duration=1.0, seed=1)
         return self._from_rest(None)
 
-    def _begin(self) -> bool:
-        """Return whether the robot publishes; begin once its simulation is compiled."""
-        if self._playback is not None:
-            return True
+    def _begin(self) -> Playback | None:
+        """Publish once the simulation is compiled; return None before."""
         log, seconds = self.node.get_logger(), time.monotonic() - self._begun
         if not self._rest.done():
             if seconds > _PATIENCE and not self._said_compiling:
                 self._said_compiling = True
                 log.info(f"{_COMPILING}; joint states follow")
-            return False
+            return None
         try:
             topics = self._rest.result()
-        except IdimError as error:
-            raise CannotGoOnError(error) from error
         except Exception as error:
-            raise CannotGoOnError(UsageError(f"cannot simulate: {one_line(error)}")) from error
+            why = UsageError(f"cannot simulate: {one_line(error)}")
+            raise CannotGoOnError(error if isinstance(error, IdimError) else why) from error
         publishers = {
             topic.name: self.node.create_publisher(JointState, topic.name, _QUEUE)
             for topic in topics
         }
         publish = {name: publisher.publish for name, publisher in publishers.items()}
-        self._playback = Playback(topics, publish, self._now)
-        self._playback.start()
+        playback = Playback(topics, publish, self._now)
+        playback.start()
         names = ", ".join(publisher.topic_name for publisher in publishers.values())
         move = f"{self.node.get_fully_qualified_name()}/move"
         log.info(f"ready after {seconds:.1f} s: publishes {names}; call {move} to move it")
-        return True
+        return playback
 
     def _command(self, message: JointTrajectory) -> None:
         playback = self._playback
@@ -120,9 +120,23 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             return
 
         def replace() -> None:
-            self._replace(playback, _requested_trajectory(message, self._simulation.rate))
+            """Replace the present motion, as a trajectory controller does."""
+            trajectory = _requested_trajectory(message, self._simulation.rate)
+            begun, lead, seed = time.monotonic(), _LEAD, self._settings.seed
+            with self._planning:
+                while (sample := playback.change(lead)) is not None:
+                    history = self._references[: sample + 1]
+                    elapsed = time.monotonic() - begun + lead
+                    topics, references = self._simulation.continued(
+                        history, elapsed, trajectory, seed
+                    )
+                    if playback.replace(topics, sample):
+                        self._references = references
+                        return
+                    lead *= 2.0
+                playback.play(self._from_rest(trajectory))
 
-        self._plan_in_thread(replace)
+        in_thread(replace, "planning").add_done_callback(self._planned)
 
     def _move(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         playback, settings = self._playback, self._settings
@@ -144,55 +158,31 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             response.message = "busy: the robot is moving; wait until it rests"
         else:
             response.success, response.message = True, "planning, then moving"
-            self._plan_in_thread(play)
+            in_thread(play, "planning").add_done_callback(self._planned)
         return response
 
     def _not_ready(self) -> str:
         return f"not ready for {time.monotonic() - self._begun:.0f} s: {_COMPILING}"
 
-    def _plan_in_thread(self, plan: Callable[[], None]) -> None:
-        def work() -> None:
-            try:
-                plan()
-            except IdimError as error:
-                self._problem = str(error)
-            except Exception as error:  # the next motion may be one that can be planned
-                self._problem = f"defect in idim_iv_ros ({one_line(error)})"
-
-        in_thread(work, "planning")
+    def _planned(self, done: Future[None]) -> None:
+        if (error := done.exception()) is not None:  # the next motion may be one that can be
+            defect = f"defect in idim_iv_ros ({one_line(error)})"
+            self._problem = str(error) if isinstance(error, IdimError) else defect
 
     def _random_motion(self, duration: float, seed: int) -> Trajectory:
         configuration, rate = self._simulation.robot.configuration, self._simulation.rate
         return random_motion(configuration, duration=duration, rate=rate, seed=seed)
 
     def _from_rest(self, trajectory: Trajectory | None) -> list[JointTopic]:
-        """Return the messages of a motion that begins where the last one ended."""
         topics, self._references = self._simulation.published(
             self._references[-1], trajectory, self._settings.seed
         )
         return topics
 
-    def _replace(self, playback: Playback, trajectory: Trajectory) -> None:
-        """Replace the present motion by another, as a trajectory controller does."""
-        begun, lead = time.monotonic(), _LEAD
-        with self._planning:
-            while (sample := playback.change(lead)) is not None:
-                topics, references = self._simulation.continued(
-                    self._references[: sample + 1],
-                    time.monotonic() - begun + lead,
-                    trajectory,
-                    self._settings.seed,
-                )
-                if playback.replace(topics, sample):
-                    self._references = references
-                    return
-                lead *= 2.0
-            playback.play(self._from_rest(trajectory))
-
     def _report(self) -> None:
-        if not self._begin():
+        self._playback = self._playback or self._begin()
+        if self._playback is None:
             return
-        assert self._playback is not None
         moving = self._playback.moving or self._planning.locked()
         if moving != self._said:
             self._said = moving
@@ -203,32 +193,16 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
 
 
 def _requested_trajectory(message: JointTrajectory, rate: float) -> Trajectory:
-    """Return the trajectory of a message, sampled at `rate` Hz."""
     points, joints = message.points, message.joint_names
     counts = {len(point.positions) for point in points} - {len(joints)}
     if counts:
         raise UsageError(f"joint_trajectory: {counts.pop()} positions for {len(joints)} joints")
     times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
-    smooth = all(len(point.velocities) == len(point.positions) for point in points)
-    return commanded(
-        joints,
-        np.array(times, dtype=float),
-        np.array([point.positions for point in points], dtype=float),
-        np.array([p.velocities for p in points], dtype=float) if smooth else None,
-        rate,
-    )
-
-
-def _load_simulation(path: Path) -> MotionSimulation:
-    """Return the simulation of the robot in a configuration file."""
-    configuration = load_configuration(path)
-    period = configuration.controller.period
-    rate = configuration.simulated_robot.rate or (1.0 / period if period else _FASTEST)
-    if rate > _FASTEST + 1e-6:
-        raise UsageError(
-            f"{path}: simulated_robot.rate: {rate:g} Hz; at most {_FASTEST:g} Hz in real time"
-        )
-    return MotionSimulation(simulated_robot(configuration), float(rate))
+    positions = np.array([point.positions for point in points], dtype=float)
+    velocities = None
+    if all(len(point.velocities) == len(point.positions) for point in points):
+        velocities = np.array([point.velocities for point in points], dtype=float)
+    return commanded(joints, np.array(times, dtype=float), positions, velocities, rate)
 
 
 run = partial(run_node, "robot_simulator", RobotSimulator, ABOUT)

@@ -35,10 +35,8 @@ def commanded(
 ) -> Trajectory:
     """Return the trajectory through the points of a JointTrajectory, sampled at `rate` Hz.
 
-    `times` (n_points,) in s from the start; `positions` and `velocities` (n_points, n_joints) in
-    rad, rad/s; without velocities the points are joined by straight lines.
-
-    Raises UsageError: the points are no valid trajectory.
+    `times` (n_points,), s; `positions`, `velocities` (n_points, n_joints), rad, rad/s; without
+    velocities lines join them. Raises UsageError: the points are no valid trajectory.
     """
     numbers = [times, positions] + ([] if velocities is None else [velocities])
     if len(times) < 2:
@@ -92,10 +90,9 @@ class MotionSimulation:
     def continued(
         self, history: FloatArray, elapsed: float, trajectory: Trajectory, seed: int
     ) -> tuple[list[JointTopic], FloatArray]:
-        """Simulate the change from a motion under way to another trajectory.
+        """Simulate the change to another trajectory, without its first `elapsed` seconds.
 
-        `history` (n_samples, n_joints) are the references since the last rest, up to the change;
-        the first `elapsed` seconds of the trajectory are left out. Returns messages and references.
+        `history` (n_samples, n_joints) are the references since the last rest, up to the change.
         """
         motion, rate = self._motion(trajectory), self.rate
         place, speed = history[-1], (history[-1] - history[-2]) * rate
@@ -103,11 +100,9 @@ class MotionSimulation:
         seconds = max(_BLEND, self._seconds(motion.position[due] - place))
         samples = round(seconds * rate)
         target = min(due + samples, len(motion.position) - 1)
-        ends = (0.0, samples / rate)
-        arrival = motion.velocity[target]
-        if target == len(motion.position) - 1:
-            arrival = np.zeros_like(place)
-        blend = CubicHermiteSpline(ends, [place, motion.position[target]], [speed, arrival])
+        arrival = motion.velocity[target] * (target < len(motion.position) - 1)
+        ends = [place, motion.position[target]]
+        blend = CubicHermiteSpline((0.0, samples / rate), ends, [speed, arrival])
         time = np.arange(1, samples + 1) / rate
         whole = np.concatenate([history, blend(time), motion.position[target + 1 :]])
         return self._simulate(whole, seed)
@@ -115,16 +110,18 @@ class MotionSimulation:
     def _simulate(self, position: FloatArray, seed: int) -> tuple[list[JointTopic], FloatArray]:
         """Simulate references (n_samples, n_joints), a rest added after them."""
         rest = round(REST * self.rate)
-        whole = np.concatenate(
-            [np.tile(position[0], (rest, 1)), position, np.tile(position[-1], (rest, 1))]
-        )
+        whole = np.pad(position, ((rest, rest), (0, 0)), mode="edge")
         velocity = np.gradient(whole, 1.0 / self.rate, axis=0)
         joints = self.robot.robot.joints
         motion = Trajectory(joints, self.rate, whole, velocity, np.zeros_like(whole))
-        record = self.robot.record(motion, seed)
-        topics = recorded_topics(self.robot, record)
-        # The loop begins unloaded and settles in the first rest, which nobody sees.
-        return [_without_start(topic, REST) for topic in topics], whole[rest:]
+        topics = []
+        for topic in recorded_topics(self.robot, self.robot.record(motion, seed)):
+            # The loop begins unloaded and settles in the first rest, which nobody sees.
+            rows = topic.time >= REST - 1e-9
+            values = {name: getattr(topic, name) for name in ("position", "velocity", "effort")}
+            later = {name: value[rows] for name, value in values.items() if value is not None}
+            topics.append(replace(topic, time=topic.time[rows] - REST, **later))
+        return topics, whole[rest:]
 
     def _seconds(self, way: FloatArray) -> float:
         """Return the duration, s, of a slow fifth-order polynomial over a distance (n_joints,)."""
@@ -143,20 +140,11 @@ class MotionSimulation:
         return motion
 
 
-def _without_start(topic: JointTopic, seconds: float) -> JointTopic:
-    """Return a topic without its first seconds, with times from zero."""
-    rows = topic.time >= seconds - 1e-9
-    values = {name: getattr(topic, name) for name in ("position", "velocity", "effort")}
-    later = {name: value[rows] for name, value in values.items() if value is not None}
-    return replace(topic, time=topic.time[rows] - seconds, **later)
-
-
 class Playback(threading.Thread):
     """Thread that publishes motions in real time, and between them the robot at rest.
 
     `resting` is the robot before its first motion; the last REST seconds of any motion are at rest.
-    `publish` has a function for each topic that takes a serialised message; `clock` returns the
-    time, ns. `failure` says why messages could not be published; empty if they could.
+    `publish` has a function for the messages of each topic; `clock` returns the time, ns.
     """
 
     def __init__(
@@ -167,7 +155,7 @@ class Playback(threading.Thread):
     ) -> None:
         super().__init__(name="playback", daemon=True)
         self._motion = _Motion(resting)
-        self.failure = ""
+        self.failure = ""  # why messages could not be published
         self._publish, self._clock = publish, clock
         self._next: _Motion | None = None
         self._goes_on = False  # whether the next motion is equal to the present one up to now
@@ -222,11 +210,7 @@ class Playback(threading.Thread):
             begin = max(self._pass(self._motion, first, begin), time.monotonic() - _CATCH_UP)
 
     def _pass(self, motion: "_Motion", first: int, begin: float) -> float:
-        """Publish a motion from sample `first` on; return the time of the next pass, s.
-
-        It ends early where another motion waits and this one may be left: at rest, or anywhere if
-        the other one goes on from it.
-        """
+        """Publish from sample `first` on, until another motion may begin; return that time, s."""
         base = self._clock() - int((time.monotonic() - begin) * 1e9)
         resting = motion.at_rest(REST)
         for sample in range(first, motion.samples):
@@ -258,9 +242,9 @@ class _Motion:
         reference = topics[-1].time if len(topics) > 1 else topics[0].time
         self.period = float(np.mean(np.diff(reference)))
         zero = np.zeros(self.samples, dtype=np.int64)
-        self._messages = [(topic.name, serialised(topic, zero)) for topic in topics]
-        self._stamps = [
-            np.round(topic.time[: self.samples] * 1e9).astype(np.int64).tolist() for topic in topics
+        self._topics = [
+            (topic.name, serialised(topic, zero), np.round(topic.time * 1e9).astype(int).tolist())
+            for topic in topics
         ]
 
     def at_rest(self, seconds: float) -> int:
@@ -269,7 +253,7 @@ class _Motion:
 
     def stamped(self, sample: int, first: int, base: int) -> Iterator[tuple[str, bytes]]:
         """Yield topic and message of one sample; `base` is the time of sample `first`, ns."""
-        for (topic, messages), stamps in zip(self._messages, self._stamps, strict=True):
+        for topic, messages, stamps in self._topics:
             stamp = base + stamps[sample] - stamps[first]
             message = bytearray(messages[sample].tobytes())
             _STAMP.pack_into(message, _PLACE, *divmod(stamp, 1_000_000_000))

@@ -34,58 +34,58 @@ _FILES = {
     "/live.js": ("live.js", "text/javascript"),
 }
 _POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:"
+GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
+_STYLES = {GOOD: "green", BEYOND: "bold red"}
+_TOPIC = "predictor/prediction"
+_DRAWN = 0.25  # s between two tables on a terminal
+_PRINTED = 5.0  # s between two tables elsewhere
+_SILENT = 2.0  # s without a prediction
+_STATES = ("idle", "recording", "paused", "stopped by a fault", "waiting for /clock")
+
+ABOUT = """watch: measured and predicted efforts of a running robot, with what the nodes do."""
 
 
-class LivePage:
-    """HTTP server of the live page on the loopback interface; port 0 takes any free port.
-
-    Raises UsageError: the port is taken or not allowed.
-    """
-
-    def __init__(self, port: int) -> None:
-        try:
-            self._server = _Server((ADDRESS, port), _Handler)
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or "no such port"
-            raise UsageError(f"--web {port}: {reason}; name another port") from error
-        self.url = f"http://{ADDRESS}:{self._server.server_port}/"
-        threading.Thread(target=self._server.serve_forever, name="page", daemon=True).start()
-
-    def publish(self, state: bytes) -> None:
-        """Send a state, JSON, to all open pages."""
-        with self._server.lock:
-            self._server.count += 1
-            self._server.states.append((self._server.count, state))
-
-    def close(self) -> None:
-        """End the server."""
-        self._server.shutdown()
-        self._server.server_close()
-
-
-class _Server(ThreadingHTTPServer):
-    """HTTP server with the newest states, numbered from 1."""
+class LivePage(ThreadingHTTPServer):
+    """Server of the live page on the loopback; a UsageError where the port (0: any) is taken."""
 
     daemon_threads = True
 
-    def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
-        super().__init__(address, handler)
-        self.lock = threading.Lock()
-        self.count = 0
-        self.states: deque[tuple[int, bytes]] = deque(maxlen=_HISTORY)
+    def __init__(self, port: int) -> None:
+        try:
+            super().__init__((ADDRESS, port), _Handler)
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or "no such port"
+            raise UsageError(f"--web {port}: {reason}; name another port") from error
+        self.url = f"http://{ADDRESS}:{self.server_port}/"
+        self._lock = threading.Lock()
+        self._count = 0
+        self._states: deque[bytes] = deque(maxlen=_HISTORY)
+        threading.Thread(target=self.serve_forever, name="page", daemon=True).start()
+
+    def publish(self, state: bytes) -> None:
+        """Send a state, JSON, to all open pages."""
+        with self._lock:
+            self._count += 1
+            self._states.append(state)
 
     def later(self, number: int) -> bytes:
-        """Return the states after `number` as JSON; all if `number` is of an earlier server."""
-        with self.lock:
-            later = [state for place, state in self.states if not place <= number <= self.count]
-            return b'{"newest": %d, "states": [%s]}' % (self.count, b",".join(later))
+        """Return the states after `number`, from 1, as JSON; all if it is of an earlier server."""
+        with self._lock:
+            new = self._count - number if number <= self._count else _HISTORY
+            later = list(self._states)[max(len(self._states) - new, 0) :]
+            return b'{"newest": %d, "states": [%s]}' % (self._count, b",".join(later))
 
     def handle_error(self, request: object, client_address: object) -> None:
         """Do nothing: a page that is closed while it loads is no error."""
 
+    def close(self) -> None:
+        """End the server."""
+        self.shutdown()
+        self.server_close()
+
 
 class _Handler(BaseHTTPRequestHandler):
-    server: _Server
+    server: LivePage
     server_version, sys_version = "idim-iv", ""
 
     def do_GET(self) -> None:
@@ -98,19 +98,18 @@ class _Handler(BaseHTTPRequestHandler):
         address = urlsplit(self.path)
         after = parse_qs(address.query).get("after", ["0"])[0]
         if address.path == "/states" and after.isdecimal():
-            self._send(self.server.later(int(after)), "application/json")
+            content, kind = self.server.later(int(after)), "application/json"
         elif address.path == "/plotly.js":
             from plotly.offline import get_plotlyjs
 
-            self._send(get_plotlyjs().encode(), "text/javascript")
+            content, kind = get_plotlyjs().encode(), "text/javascript"
         elif address.path in _FILES:
             name, kind = _FILES[address.path]
             file = resources.files("idim_iv_ros.nodes.watch") / "assets" / name
-            self._send(file.read_bytes(), kind)
+            content = file.read_bytes()
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
-
-    def _send(self, content: bytes, kind: str) -> None:
+            return
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", f"{kind}; charset=utf-8")
         self.send_header("Content-Length", str(len(content)))
@@ -123,34 +122,18 @@ class _Handler(BaseHTTPRequestHandler):
         """Log nothing: the terminal shows the table."""
 
 
-GOOD, BEYOND, UNKNOWN = "good", "beyond", "unknown"
-_STYLES = {GOOD: "green", BEYOND: "bold red"}
-_TOPIC = "predictor/prediction"
-_DRAWN = 0.25  # s between two tables on a terminal
-_PRINTED = 5.0  # s between two tables elsewhere
-_SILENT = 2.0  # s without a prediction
-_STATES = ("idle", "recording", "paused", "stopped by a fault", "waiting for /clock")
-
-ABOUT = """watch: measured and predicted efforts of a running robot, with what the nodes do."""
-
-
 @dataclass(frozen=True)
 class JointView:
-    """State of one joint: its status in the predictor's diagnostics, and its newest prediction.
-
-    Unknown numbers are NaN; efforts in `unit`. `share` is the RMS of the residual over the last
-    second of motion, divided by the noise floor; `level_share` over ten seconds, with its `limit`
-    from scatter and parameter uncertainty; `level` is ``good``, ``beyond`` or ``unknown``.
-    """
+    """State of one joint: its diagnostics, and its newest prediction; unknown numbers are NaN."""
 
     name: str
-    unit: str = ""
+    unit: str = ""  # of the efforts
     measured: float = math.nan
     predicted: float = math.nan
     residual: float = math.nan
-    share: float = math.nan
-    level_share: float = math.nan
-    limit: float = math.nan
+    share: float = math.nan  # RMS of the residual over noise floor, last second of motion
+    level_share: float = math.nan  # over ten seconds
+    limit: float = math.nan  # of that, by scatter and parameter uncertainty
     level: str = UNKNOWN
     sentence: str = ""
 
@@ -159,7 +142,10 @@ class JointView:
         cls, name: str, values: Mapping[str, str], warns: bool, sentence: str
     ) -> "JointView":
         """Return the state of a joint from its diagnostics, without a prediction."""
-        share, limit = (_parsed(values.get(key, "")) for key in (SHARE, LIMIT))
+        share, limit = (
+            math.nan if (text := values.get(key, "unknown")) == "unknown" else float(text)
+            for key in (SHARE, LIMIT)
+        )
         level = BEYOND if warns else GOOD if math.isfinite(limit) else UNKNOWN
         unit = values.get("unit", "")
         return cls(name, unit, level_share=share, limit=limit, level=level, sentence=sentence)
@@ -167,29 +153,18 @@ class JointView:
 
 @dataclass(frozen=True)
 class LiveView:
-    """State of all joints, and of the nodes in words.
-
-    `stamp` is that of the sample, `delay` the time until its prediction, s; `reason` says why
-    nothing is predicted.
-    """
+    """State of all joints, and of the nodes in words."""
 
     robot: str
-    stamp: float
-    delay: float
-    reason: str
+    stamp: float  # of the sample, s
+    delay: float  # until its prediction, s
+    reason: str  # why nothing is predicted
     joints: tuple[JointView, ...]
     nodes: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> bytes:
         """Return the state as JSON; NaN is null."""
         return TypeAdapter(LiveView).dump_json(self)
-
-
-def _parsed(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:  # "unknown", or nothing
-        return math.nan
 
 
 def live_table(view: LiveView) -> RenderableType:
@@ -200,49 +175,38 @@ def live_table(view: LiveView) -> RenderableType:
     """
     lines: list[RenderableType] = [Text(f"{view.robot or 'robot'}: efforts", style="bold")]
     if view.joints:
-        lines.append(_joints(view.joints))
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, expand=False)
+        table.add_column("joint")
+        for heading in ("measured", "predicted", "residual", "÷ floor, 10 s", "limit", "1 s"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        for joint in view.joints:
+            table.add_row(
+                f"{joint.name} ({joint.unit})" if joint.unit else joint.name,
+                *(_text(n, "+.3f") for n in (joint.measured, joint.predicted, joint.residual)),
+                Text(_text(joint.level_share), style=_STYLES.get(joint.level, "cyan")),
+                _text(joint.limit),
+                _text(joint.share),
+            )
+        lines.append(table)
     if view.reason:
         lines.append(Text(f"nothing is predicted: {view.reason}", style="yellow"))
     elif math.isfinite(view.delay):
         lines.append(Text(f"{view.delay:.2f} s behind the robot", style="dim"))
-    lines += [
-        Text(f"{joint.name}: {joint.sentence}", style="red")
-        for joint in view.joints
-        if joint.level == BEYOND
-    ]
+    for joint in view.joints:
+        if joint.level == BEYOND:
+            lines.append(Text(f"{joint.name}: {joint.sentence}", style="red"))
     lines += [Text(f"{node}: {what}", style="dim") for node, what in view.nodes.items()]
     return Group(*lines)
 
 
-def _joints(joints: Sequence[JointView]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, expand=False)
-    table.add_column("joint")
-    for heading in ("measured", "predicted", "residual"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for heading in ("÷ floor, 10 s", "limit", "1 s"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for joint in joints:
-        newest = (joint.measured, joint.predicted, joint.residual)
-        style = _STYLES.get(joint.level, "cyan")
-        table.add_row(
-            f"{joint.name} ({joint.unit})" if joint.unit else joint.name,
-            *(_text(number, "+.3f") for number in newest),
-            Text(_text(joint.level_share, ".2f"), style=style),
-            _text(joint.limit, ".2f"),
-            _text(joint.share, ".2f"),
-        )
-    return table
-
-
-def _text(number: float, form: str) -> str:
+def _text(number: float, form: str = ".2f") -> str:
     return f"{number:{form}}" if math.isfinite(number) else "–"
 
 
 class Watcher:
     """Node that shows the state of the robot's other nodes, in its namespace.
 
-    `web` is the port of the page (None: a table on the terminal); `predictor` makes a predictor to
-    run in this process.
+    `web` is the port of a page (None: a table); `predictor` makes one to run in this process.
     """
 
     def __init__(
@@ -257,10 +221,10 @@ class Watcher:
         if self._predictor is None:  # what is given is else the predictor's
             refuse_unknown_parameters(node, (), arguments)
         self._prediction: Prediction | None = None
-        self._heard_at = self._printed = time.monotonic()
+        self._heard_at = self._shown_at = time.monotonic()
         self._joints: dict[str, JointView] = {}
         self._nodes: dict[str, str] = {}
-        self._predictors = 0
+        self._topic = node.resolve_topic_name(_TOPIC)
         node.create_subscription(Prediction, _TOPIC, self._take_prediction, 50)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 50)
         node.create_subscription(RecorderStatus, "recorder/status", self._take_status, 10)
@@ -278,10 +242,9 @@ class Watcher:
         """Restore the terminal, and end server and nodes."""
         if self._live is not None:
             self._live.stop()
-        if self._page is not None:
-            self._page.close()
-        if self._predictor is not None:
-            self._predictor.close()
+        for part in (self._page, self._predictor):
+            if part is not None:
+                part.close()
         self.node.destroy_node()
         self._console.print("watch: ended")
 
@@ -302,23 +265,21 @@ class Watcher:
             elif node == f"{namespace}/identifier" and what == "identification":
                 self._nodes["identifier"] = status.message
 
+    def _take_drift(self, message: DriftReport) -> None:
+        self._nodes["drift of parameters"] = message.message
+
     def _take_status(self, message: RecorderStatus) -> None:
         words = _STATES[message.state] if message.state < len(_STATES) else "unknown"
         if message.bag and message.state:
             words = f"{words} {message.bag}, {message.duration:.0f} s"
         self._nodes["recorder"] = f"{words}: {message.fault}" if message.fault else words
 
-    def _take_drift(self, message: DriftReport) -> None:
-        self._nodes["drift of parameters"] = message.message
-
     def _view(self) -> LiveView:
-        """Return the present state of all joints and nodes, to show it."""
         message, nodes = self._prediction, dict(self._nodes)
-        topic = self.node.resolve_topic_name(_TOPIC)
         if message is None:
-            silent = f"nothing on {topic}: start `idim-iv predict`, or name --config here"
-            return LiveView("", 0.0, float("nan"), silent, (), nodes)
-        joints = [
+            silent = f"nothing on {self._topic}: start `idim-iv predict`, or name --config here"
+            return LiveView("", 0.0, math.nan, silent, (), nodes)
+        joints = tuple(
             replace(
                 self._joints.get(name, JointView(name)),
                 measured=message.measured[place],
@@ -327,33 +288,33 @@ class Watcher:
                 share=message.noise_share[place],
             )
             for place, name in enumerate(message.name)
-        ]
+        )
         silent_for = time.monotonic() - self._heard_at
+        predictors = self.node.count_publishers(self._topic)
         reason = message.reason
-        if self._predictors > 1:
+        if predictors > 1:
             reason = (
-                f"{self._predictors} predictors publish {topic}: end all but one, or give "
+                f"{predictors} predictors publish {self._topic}: end all but one, or give "
                 "each robot a namespace"
             )
         elif silent_for > _SILENT:
             reason = f"the predictor has been silent for {silent_for:.0f} s"
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        return LiveView(message.robot, stamp, message.delay, reason, tuple(joints), nodes)
+        return LiveView(message.robot, stamp, message.delay, reason, joints, nodes)
 
     def _draw(self) -> None:
         executor = self.node.executor
         if self._predictor is not None and executor is not None:
             executor.add_node(self._predictor.node)  # does nothing for one that is there
-        self._predictors = self.node.count_publishers(self.node.resolve_topic_name(_TOPIC))
         now = time.monotonic()
-        since_drawn, silent_for = now - self._printed, now - self._heard_at
+        since_shown, silent_for = now - self._shown_at, now - self._heard_at
         if self._live is not None:
             self._live.update(live_table(self._view()), refresh=True)
-        elif self._page is None and since_drawn > _PRINTED:
-            self._printed = now
+        elif self._page is None and since_shown > _PRINTED:
+            self._shown_at = now
             self._console.print(live_table(self._view()))
-        elif self._page is not None and silent_for > _SILENT and since_drawn > 1.0:
-            self._printed = now
+        elif self._page is not None and silent_for > _SILENT and since_shown > 1.0:
+            self._shown_at = now
             self._page.publish(self._view().to_json())
 
 

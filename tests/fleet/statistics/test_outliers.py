@@ -14,8 +14,7 @@ from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.result import CauseSummary, CommonCause
 from idim_iv_ros.fleet.statistics.common_causes import common_causes, is_nothing, sentences
 from idim_iv_ros.fleet.statistics.outliers import choose, outlying
-from idim_iv_ros.fleet.statistics.quantities import types_of
-from idim_iv_ros.fleet.statistics.robots import resemblance
+from idim_iv_ros.fleet.statistics.robots import resemblance, types_of
 from tests.report.sample_gap import sample_gap
 
 ROBOTS, QUANTITIES = 12, 6

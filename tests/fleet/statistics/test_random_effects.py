@@ -8,12 +8,12 @@ from statsmodels.stats.meta_analysis import combine_effects
 
 from idim_iv_ros.estimation.qr import r_factor
 from idim_iv_ros.fleet.regression import stacked
-from idim_iv_ros.fleet.statistics.quantities import regression, shares
 from idim_iv_ros.fleet.statistics.random_effects import (
     between_variance,
     common_between_variance,
     type_estimate,
 )
+from idim_iv_ros.fleet.statistics.robots import regression, shares
 
 # Thirteen trials of a vaccine (Colditz et al., JAMA 271, 1994): ill and well, with and without it.
 ILL = np.array([4, 6, 3, 62, 33, 180, 8, 505, 29, 17, 186, 5, 27])
