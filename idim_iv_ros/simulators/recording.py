@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.encoding import json_text
@@ -68,7 +68,7 @@ class SimulatedRobot:
         position, velocity = trajectory.position, trajectory.velocity
         if abs(rate / trajectory.rate - 1.0) >= 1e-9:
             samples = int(np.floor(trajectory.duration * rate + 1e-6)) + 1
-            motion = CubicHermiteSpline(trajectory.time, position, velocity)
+            motion = scipy.interpolate.CubicHermiteSpline(trajectory.time, position, velocity)
             time = np.minimum(np.arange(samples) / rate, trajectory.time[-1])
             position, velocity = motion(time), motion(time, 1)
         oversampling = 4 if settings.plant_step is None else round(period / settings.plant_step)

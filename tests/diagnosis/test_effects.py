@@ -281,7 +281,7 @@ SHAPES = {"encoder_eccentricity": DiscShape(True), "spring": CubicShape(-0.2, 0.
 
 @pytest.mark.parametrize("effect", STRUCTURAL, ids=lambda effect: effect.name)
 def test_parameters_have_their_names_and_units(effect: Effect) -> None:
-    motion = synthetic(1.0)
+    motion = synthetic(2.0)
     place = effect.places(2)[0]
     shape = SHAPES.get(effect.name) or effect.grid(joint_range_of(motion, place.joint))[0]
     width = effect.columns(motion, place, shape)[place.joint].shape[1]
