@@ -18,6 +18,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC, is_form_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.options import LOG_NOTHING
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -38,7 +39,7 @@ class Comparison:
 
     def __init__(self, catalogue: Catalogue, nominal: NominalErrors) -> None:
         self.catalogue, self.nominal = catalogue, nominal
-        self.options, self.prior = nominal.options, nominal.options.prior
+        self.options = nominal.options
         blocks = nominal.options.ledger.blocks
         numbers = np.concatenate(blocks)
         joints = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
@@ -97,7 +98,7 @@ class Comparison:
     def objective(self, terms: Sequence[Term]) -> float:
         """Tempered evidence of a whole model less what its terms cost."""
         level = self.with_terms(terms).level / settings.TEMPER
-        return level - sum(self.prior.nothing - term.log_prior for term in terms)
+        return level - sum(LOG_NOTHING - term.log_prior for term in terms)
 
     def weighed(self, term: Term, others: Sequence[Term]) -> Term:
         """A term with the evidence, visible share and dispersion that it has beside others."""
@@ -124,7 +125,7 @@ class Comparison:
         return replace(
             term,
             evidence=evidence,
-            presence=float(expit(evidence + self.prior.odds_of_presence(term.key))),
+            presence=float(expit(evidence + self.options.odds_of_presence(term.key))),
             visible=self.shares(term.candidate, others, plain, left, unit)[1],
             dispersion=dispersion,
         )
@@ -208,7 +209,7 @@ class _Ranking:
 
     def __init__(self, comparison: Comparison, terms: Sequence[Term], *, curves: bool) -> None:
         self.comparison, self.model = comparison, comparison.with_terms(terms)
-        options, nominal, prior = comparison.options, comparison.nominal, comparison.prior
+        options, nominal = comparison.options, comparison.nominal
         self.products = self.model.options_left()
         bound = np.empty(len(options.candidate))
         for w, which in options.of_width.items():
@@ -217,15 +218,15 @@ class _Ranking:
             solved = np.linalg.solve(inner + ridge, score[:, :, None])[:, :, 0]
             bound[which] = 0.5 * np.sum(score * solved, axis=1)
         bound[options.is_curve != curves] = -np.inf
-        bound += prior.log
+        bound += options.log_prior
         order = np.argsort(-bound)[:_LOOKED_AT]
-        self.order: IntArray = order[bound[order] > prior.nothing - 3.0]
+        self.order: IntArray = order[bound[order] > LOG_NOTHING - 3.0]
         self.scores, self.information, self.directions = self._eigen()
-        by_option = log_bayes_factor(self.scores, self.information) + prior.log[self.order]
+        by_option = log_bayes_factor(self.scores, self.information) + options.log_prior[self.order]
         self.dispersion = self._dispersions(by_option)
         by = self.dispersion[:, None]
         scores, information = self.scores / np.sqrt(by), self.information / by
-        self.score = log_bayes_factor(scores, information) + prior.log[self.order]
+        self.score = log_bayes_factor(scores, information) + options.log_prior[self.order]
         joints = nominal.torque_of_joints[self.order], nominal.information_of_joints[self.order]
         self.capped = comparison.beyond_misfit(scores, information, *joints, terms)
 
@@ -268,7 +269,7 @@ class _Ranking:
         comparison, keys = self.comparison, self.comparison.options.key[self.order].tolist()
         rivals: dict[int, int] = {}  # rows of the best options, by effect and place
         for row in np.argsort(-score).tolist():
-            if score[row] < comparison.prior.nothing - 3.0 or len(rivals) >= _RIVALS:
+            if score[row] < LOG_NOTHING - 3.0 or len(rivals) >= _RIVALS:
                 break
             rivals.setdefault(keys[row], row)
         dispersions = {}
@@ -311,12 +312,12 @@ class _Ranking:
 
     def _allowed(self, banned: Collection[Key]) -> list[int]:
         """Rows that are present, and that physics allows, the best first, as far as they matter."""
-        options, prior = self.comparison.options, self.comparison.prior
+        options = self.comparison.options
         parts = {term.candidate.effect.part for term in self.model.terms}
-        present = self.capped + prior.of_presence[self.order] > prior.nothing
+        present = self.capped + options.log_presence[self.order] > LOG_NOTHING
         score = np.where(present, self.score, -np.inf)
         rows: list[int] = []
-        least = prior.nothing - 6.0
+        least = LOG_NOTHING - 6.0
         for row in np.argsort(-score).tolist():
             if score[row] < least:
                 break
@@ -380,7 +381,7 @@ class _Ranking:
             coefficients=none,
             deviations=none,
             basis=basis,
-            log_prior=float(self.comparison.prior.log[option]),
+            log_prior=float(self.comparison.options.log_prior[option]),
         )
 
     def _term(self, row: int, allowed: Sequence[int]) -> Term:
@@ -406,7 +407,7 @@ class _Ranking:
             deviations=deviations,
             size=float(np.linalg.norm(unit) / np.sqrt(bare.width)),
             evidence=evidence,
-            presence=float(expit(evidence + comparison.prior.odds_of_presence(bare.key))),
+            presence=float(expit(evidence + options.odds_of_presence(bare.key))),
             whole=whole,
             visible=visible,
             rivals=tuple(sorted(keys.items(), key=lambda pair: -pair[1])),
