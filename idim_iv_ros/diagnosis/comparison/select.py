@@ -17,9 +17,8 @@ import scipy
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
+from idim_iv_ros.diagnosis.comparison.ledger import RELATIVE_ERRORS, Ledger, noise_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
-from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.memory import return_freed_memory
@@ -64,7 +63,7 @@ class Selection:
     @property
     def model(self) -> ModelWithTerms:
         """The nominal errors with the terms and the curves."""
-        return ModelWithTerms(self.comparison.nominal, (*self.terms, *self.curves))
+        return self.comparison.with_terms((*self.terms, *self.curves))
 
 
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
@@ -84,15 +83,14 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             terms = climb(comparison, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
-            model = ModelWithTerms(comparison.nominal, terms)
-            noise = noise_of(ledger, model.residuals)
-            del white, comparison, model  # products of all options would be there twice
-    curves: list[Term] = []
+            noise = noise_of(ledger, comparison.with_terms(terms).residuals)
+            del white, comparison  # products of all options would be there twice
     displaced: list[tuple[Term, Term]] = []
+    curves: list[Term] = []
     while (swap := _curve_in_place(comparison, terms, curves)) is not None:
         terms = tuple(term for term in terms if term is not swap[0])
-        curves.append(swap[1])
         displaced.append(swap)
+        curves.append(swap[1])
     if displaced:
         terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:
@@ -121,8 +119,7 @@ def _curve_in_place(
         curve = comparison.curve(others, term)
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
-        explained = usual - comparison.objective(others)
-        missed = settings.MISFIT_OF_OTHERS**2 * max(explained, 0.0)
+        missed = settings.MISFIT_OF_OTHERS**2 * max(usual - comparison.objective(others), 0.0)
         gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT - missed
         if gain > most and curve.place.joint == term.place.joint:
             best, most = (term, curve), gain
@@ -160,12 +157,12 @@ def refit_residuals(
 
     `counted`: rows (r_j,) that are fitted; None: all.
     """
-    shares: list[FloatArray] = []
-    for rows, left, size in zip(ledger.joints, gap, ledger.sizes, strict=True):
+    shares = []
+    for joint, (rows, size) in enumerate(zip(ledger.joints, ledger.sizes, strict=True)):
         table = np.zeros((len(rows), ledger.parameters + 1))
         table[:, rows.columns] = rows.matrix / size
-        table[:, -1] = left / size
-        shares.append(table if counted is None else table[counted[len(shares)]])
+        table[:, -1] = gap[joint] / size
+        shares.append(table if counted is None else table[counted[joint]])
     whole = np.asarray(np.linalg.qr(np.vstack(shares), mode="r"))
     norms = np.linalg.norm(whole[:, :-1], axis=0)
     norms[norms == 0.0] = 1.0
@@ -178,12 +175,8 @@ def refit_residuals(
 
 def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparison, Terms]:
     """Climb from small and from likely nominal errors, and again where others are likelier."""
-
-    def comparison(errors: tuple[float, float]) -> Comparison:
-        return Comparison(catalogue, NominalErrors(white, errors))
-
     if not white.options.ledger.nominal:
-        only = comparison((1.0, 1.0))
+        only = Comparison(catalogue, NominalErrors(white, (1.0, 1.0)))
         return only, climb(only, ())
     starts = [likeliest_errors(white, ())]
     starts += [(size, size) for size in RELATIVE_ERRORS[:2]]
@@ -194,7 +187,7 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         if errors in tried:
             continue
         tried.add(errors)
-        this = comparison(errors)
+        this = Comparison(catalogue, NominalErrors(white, errors))
         # From nothing, and from what is best so far, which other errors may have led to.
         starts_of_terms: list[Terms] = [()] if best is None else [(), best[2]]
         grown = [_grown(this, start) for start in starts_of_terms]
@@ -202,7 +195,7 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         value = reached + _usual(errors, terms)
         if not _is_full(terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
             # Fewer terms may be taken for misfit of many: that says nothing of the errors.
-            restarted, terms = _restarts(this, (reached, terms))
+            restarted, terms = _restarted(this, (reached, terms))
             value = max(reached, restarted) + _usual(errors, terms)
         if len(tried) < _MOST_ERRORS:
             starts.append(likeliest_errors(white, terms))
@@ -258,27 +251,24 @@ def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> tuple[float, flo
 
 def climb(comparison: Comparison, start: Sequence[Term]) -> Terms:
     """The set of the highest objective that growing and restarting reach."""
-    return _restarts(comparison, _grown(comparison, tuple(start)))[1]
+    return _restarted(comparison, _grown(comparison, tuple(start)))[1]
 
 
-def _restarts(comparison: Comparison, best: Grown) -> Grown:
+def _restarted(comparison: Comparison, best: Grown) -> Grown:
     """The best of a set that has grown and those that restarts reach."""
-    reached: dict[frozenset[object], Grown] = {}
+    reached: dict[frozenset[object], Grown] = {}  # by the starts that were tried
     for _ in range(_RESTARTS):
-        better = _restarted(comparison, best, reached)
+        better = _better(comparison, best, reached)
         if better is None:
             break
         best = better
     return best
 
 
-def _restarted(
+def _better(
     comparison: Comparison, best: Grown, reached: dict[frozenset[object], Grown]
 ) -> Grown | None:
-    """A better set that grows without one of the terms; the best of fewer may be as good.
-
-    `reached`: by the starts that were tried.
-    """
+    """A better set that grows without one of the terms; the best of fewer may be as good."""
     value, terms = best
     simpler: Grown | None = None
     if len(terms) < 2:
@@ -355,11 +345,8 @@ def _tolerance(comparison: Comparison, terms: Terms, others: Terms) -> float:
     kept = _state(others)
     gone = {j for t in terms if t.identity not in kept for j in t.candidate.joints}
     stay = {j for t in others for j in t.candidate.joints}
-    model = ModelWithTerms(comparison.nominal, terms)
-    gaps = comparison.nominal.white.gap
-    left = np.split(model.white_residual, np.cumsum([len(gap) for gap in gaps])[:-1])
-    explained = 0.0
-    for joint in gone & stay:
-        gap = gaps[joint]
-        explained += 0.5 * max(float(gap @ gap - left[joint] @ left[joint]), 0.0)
+    gaps, residual = comparison.nominal.white.gap, comparison.with_terms(terms).white_residual
+    left = np.split(residual, np.cumsum([len(gap) for gap in gaps])[:-1])
+    energies = [float(gaps[j] @ gaps[j] - left[j] @ left[j]) for j in gone & stay]
+    explained = 0.5 * sum(max(energy, 0.0) for energy in energies)
     return settings.MISFIT_OF_EVIDENCE * explained / settings.TEMPER
