@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
-from idim_iv_ros.diagnosis.comparison.nominal_errors import numbers_not_given
+from idim_iv_ros.diagnosis.comparison.ledger import numbers_not_given
 from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, width_of
