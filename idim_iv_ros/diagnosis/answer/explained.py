@@ -7,9 +7,9 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.numbers import parameters_of
-from idim_iv_ros.diagnosis.comparison.candidate import Key, Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
@@ -108,15 +108,14 @@ def explained(selection: Selection, on_time: Collection[tuple[str, int]] = ()) -
     the others are tested anew.
     """
     repeats = repeats_of(selection.catalogue.data)
-    judgements = [
-        replace(judgement, reason=judgement.reason or _ON_TIME)
-        if (judgement.term.key.effect, judgement.term.key.joint) in on_time
-        else judgement
-        for judgement in _assessed_terms(selection, repeats)
-    ]
+    assessed = _assessed_terms(selection, repeats)
+    idle = {one.term.key: _ON_TIME for one in assessed if one.term.key[:2] in on_time}
     while True:
-        explanation = _tested(selection, judgements, repeats)
-        idle: dict[Key, str] = {}
+        assessed = [
+            replace(one, reason=one.reason or idle.get(one.term.key, "")) for one in assessed
+        ]
+        explanation = _tested(selection, assessed, repeats)
+        idle = {}
         for number, effect in enumerate(explanation.effects):
             if not explanation.tested.helps(number, effect.term.place.joint):
                 idle[effect.term.key] = NO_HELP
@@ -124,10 +123,6 @@ def explained(selection: Selection, on_time: Collection[tuple[str, int]] = ()) -
                 idle[effect.term.key] = _NO_SIZE
         if not idle:
             return explanation
-        judgements = [
-            replace(judgement, reason=idle.get(judgement.term.key, judgement.reason))
-            for judgement in judgements
-        ]
 
 
 def _may_be_zero(explanation: Explained, number: int) -> bool:
@@ -139,36 +134,39 @@ def _may_be_zero(explanation: Explained, number: int) -> bool:
 
 
 def _tested(
-    selection: Selection, judgements: Sequence[AssessedTerm], repeats: Sequence[Repeat]
+    selection: Selection, assessed: Sequence[AssessedTerm], repeats: Sequence[Repeat]
 ) -> Explained:
-    """Fit the refit with the causes one after the other, and predict held-out rows."""
-    judgements = [
-        *_without_doubtful(selection, [term for term in judgements if not term.reason]),
-        *(term for term in judgements if term.reason),
-    ]
+    """Fit the refit with the causes one after the other, and predict held-out rows.
+
+    Causes have the numbers that they have where what is doubtful is left out.
+    """
+    catalogue, data = selection.catalogue, selection.catalogue.data
+    causes = [one for one in assessed if not one.reason]
+    alone = [*(cause.term for cause in causes), *selection.signals]
+    for number, term in enumerate(together(selection.comparison, alone)[: len(causes)]):
+        reason = catalogue.why_impossible(
+            term.candidate, term.shape, term.coefficients, term.deviations
+        )
+        causes[number] = replace(causes[number], term=term, reason=reason, outside=bool(reason))
     effects, numbers = (
-        tuple(term for term in judgements if not term.reason and term.term.candidate.kind is kind)
+        tuple(one for one in causes if not one.reason and one.term.candidate.kind is kind)
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
-    doubtful = tuple(term for term in judgements if term.reason)
-    data, space = selection.catalogue.data, selection.catalogue.space
+    doubtful = tuple(one for some in (causes, assessed) for one in some if one.reason)
     regression = data.regression
     fits = [regression.fitted]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
         fits.append(regression.fit(fits[-1].noise_models, steps=_MORE_STEPS))
-    outside = (
-        *selection.curves,
-        *(d.term for d in doubtful if d.term.is_effect and d.outside),
-    )
+    outside = [d.term for d in doubtful if d.term.is_effect and d.outside]
+    outside = [*selection.curves, *outside]
     more = [term.columns for term in outside if matters(term)]
     more += [
         term.columns
         for term in selection.terms
-        if term.candidate.kind is Kind.SIGNAL or term.candidate.is_no_base_parameter(space)
+        if term.candidate.kind is Kind.SIGNAL
+        or term.candidate.is_no_base_parameter(catalogue.space)
     ]
-    not_given = _not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1])
-    floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
         data,
         regression,
@@ -177,32 +175,19 @@ def _tested(
         repeats,
         interleaved=any(effect.term.effect.family == "time" for effect in effects),
     )
+    beside = [one.term for one in (*effects, *numbers)]
     return Explained(
         selection=selection,
         effects=effects,
-        numbers=(*numbers, *not_given),
+        numbers=(*numbers, *_not_given(selection, beside, fits[-1])),
         doubtful=doubtful,
-        outside=outside,
+        outside=tuple(outside),
         regression=regression,
         fits=tuple(fits),
         whole=regression.with_columns(*more).fit(fits[-1].noise_models) if more else fits[-1],
         tested=tested,
-        floors=tuple(floors),
+        floors=tuple(noise_floors(data, fits[-1], repeats)),
     )
-
-
-def _without_doubtful(selection: Selection, causes: Sequence[AssessedTerm]) -> list[AssessedTerm]:
-    """Give causes the numbers that they have where what is doubtful is left out."""
-    alone = [*(cause.term for cause in causes), *selection.signals]
-    terms = together(selection.comparison, alone)
-    catalogue = selection.catalogue
-    made = []
-    for cause, term in zip(causes, terms, strict=False):
-        reason = catalogue.why_impossible(
-            term.candidate, term.shape, term.coefficients, term.deviations
-        )
-        made.append(replace(cause, term=term, reason=reason, outside=bool(reason)))
-    return made
 
 
 def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[AssessedTerm, ...]:
@@ -213,7 +198,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     """
     comparison, count = selection.comparison, len(fit.values)
     sizes = comparison.options.ledger.sizes
-    errors = ModelWithTerms(comparison.nominal, (*causes, *selection.signals)).errors
+    errors = comparison.with_terms((*causes, *selection.signals)).errors
     made = []
     for candidate in comparison.catalogue.not_given:
         directions = np.column_stack([change.direction[:count] for change in candidate.changes])
@@ -235,12 +220,8 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
             coefficients=values,
             deviations=deviations,
             basis=np.eye(len(values)),
-            size=float(whole.max()),
             evidence=evidence,
-            presence=1.0,
             whole=whole,
-            visible=whole,
-            rivals=((candidate.key, 1.0),),
         )
         made.append(AssessedTerm(term, np.zeros(0), LIMITS[1], "", ""))
     return tuple(made)
@@ -251,22 +232,18 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
 
     Last those in whose place a free curve is likelier.
     """
-    terms = [
-        (number, term)
-        for number, term in enumerate(selection.terms)
-        if term.candidate.kind is not Kind.SIGNAL
-    ]
-    displaced = [
-        AssessedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
-        for term, curve in selection.displaced
-        for described in [sentences.nonparametric(selection.catalogue.data, curve)]
-    ]
-    if not terms:
+    displaced = []
+    for term, curve in selection.displaced:
+        described = sentences.nonparametric(selection.catalogue.data, curve)
+        displaced.append(AssessedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier"))
+    if len(selection.terms) == len(selection.signals):
         return displaced
     chosen = chosen_without(selection)
     remaining = _beyond_noise(selection, repeats)
     made = []
-    for number, term in terms:
+    for number, term in enumerate(selection.terms):
+        if term.candidate.kind is Kind.SIGNAL:
+            continue
         values = features(selection, number, chosen, remaining)
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
@@ -279,7 +256,7 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
             reason = sentences.too_unsure(unsure, times)
         odds = probability(values, term.key.effect)
         made.append(AssessedTerm(term, values, odds, times, reason, outside, unsure))
-    made.sort(key=lambda judgements: -float(judgements.term.visible.max()))
+    made.sort(key=lambda one: -float(one.term.visible.max()))
     return made + displaced
 
 
@@ -287,10 +264,9 @@ def _beyond_noise(selection: Selection, repeats: Sequence[Repeat]) -> FloatArray
     """What all terms leave beyond the noise floor, as a share of each joint's torque."""
     data = selection.catalogue.data
     floors = noise_floors(data, data.regression.fitted, repeats)
-    ledger = selection.comparison.options.ledger
-    left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
+    left = selection.comparison.with_terms(selection.terms).residuals
     shares = []
-    for rest, floor, size in zip(left, floors, ledger.sizes, strict=True):
+    for rest, floor, size in zip(left, floors, data.torque_sizes, strict=True):
         square = float(np.mean(rest**2)) - (floor.sigma or 0.0) ** 2
         shares.append(0.0 if floor.sigma is None else np.sqrt(max(square, 0.0)) / size)
     return np.array(shares)
@@ -329,9 +305,7 @@ def unexplained(explanation: Explained) -> Unexplained | None:
         # A function that leaves the events takes what follows from them: the law answers.
         both = _events(data, explanation.whole, joint) and _events(data, explanation.fit, joint)
         return both or _described(explanation, largest)
-    events = [
-        event for joint in loud if (event := _events(data, explanation.whole, joint)) is not None
-    ]
+    events = filter(None, (_events(data, explanation.whole, joint) for joint in loud))
     return max(events, key=lambda event: event.share, default=None)
 
 
@@ -348,14 +322,12 @@ def unexplained_residual(
     for joint, (name, floor) in enumerate(zip(data.joints, explanation.floors, strict=True)):
         rest = last.torque_rms[name]
         share = rest / data.torque_sizes[joint]
-        much = (
-            share > settings.UNEXPLAINED_OF_TORQUE
-            or rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
-        )
-        noise = floor.sigma
-        much = much and share >= settings.LEAST_NONPARAMETRIC and joint not in data.left_out
-        left = min(rest, float(np.std(explanation.whole.residuals[joint])))
-        if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise and much:
+        of_gap = rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
+        much = share > settings.UNEXPLAINED_OF_TORQUE or of_gap
+        if not much or share < settings.LEAST_NONPARAMETRIC or joint in data.left_out:
+            continue
+        left, noise = min(rest, float(np.std(explanation.whole.residuals[joint]))), floor.sigma
+        if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise:
             missed.append((joint, rest, share, noise))
     return sorted(missed, key=lambda joint: -joint[2])
 
