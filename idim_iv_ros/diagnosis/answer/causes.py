@@ -9,7 +9,7 @@ from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import AssessedTerm, Explained
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.comparison.signals import SignalError
+from idim_iv_ros.diagnosis.comparison.signals import GainRipple
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.causes import (
@@ -42,14 +42,14 @@ def rivals_of(joints: Sequence[str], terms: Sequence[Term]) -> tuple[Indistingui
 
 
 def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
-    """What a report says of errors of the signals, which are no causes, and what they may be."""
+    """What a report says of gains that ripple, which are no causes, and what they may be."""
     notes = []
     for term in terms:
         effect = term.candidate.effect
-        if isinstance(effect, SignalError):
+        if isinstance(effect, GainRipple):
             joint = joints[term.place.joint]
             said = effect.note(joint, term.shape, term.coefficients, term.deviations)
-            notes.append(said and said + sentences.or_else(rivals_of(joints, [term])))
+            notes.append(said + sentences.or_else(rivals_of(joints, [term])))
     return notes
 
 

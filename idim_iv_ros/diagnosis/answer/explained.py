@@ -4,9 +4,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.answer.numbers import parameters_of
 from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
@@ -14,14 +14,14 @@ from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_se
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
-from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.statistics.residuals import excess_kurtosis
@@ -29,6 +29,9 @@ from idim_iv_ros.types import FloatArray
 
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 _MORE_STEPS = 2  # of the noise models, from those of the model before
+_SHAPE_STEP = 0.01  # of the number of a shape
+_USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anything is recorded
+_COEFFICIENT_STEP = 1e-4  # of the coefficient
 NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 _ON_TIME = "the effort of its joint is as late as those of the others"
 _NO_SIZE = "beside new values of all numbers its size may as well be zero"
@@ -88,10 +91,90 @@ class Explained:
         """With all effects."""
         return self.fits[-1]
 
-    def parameters_of(self, number: int) -> dict[str, EffectParameter]:
-        """Numbers of one of the effects that mean something to an engineer."""
+    def parameters_of(self, number: int) -> Parameters:
+        """Numbers of one of the effects that mean something to an engineer.
+
+        They have the coefficients that the effect has beside nominal errors. Deviations hold what
+        the shape leaves open. With it fixed, an excess of friction is known to a percent; a
+        Stribeck speed that is a little higher with less excess fits as well. The shape is moved a
+        little in every direction that the search may take, the change of the torque is fitted
+        beside everything else, and the covariance of all is carried over to the numbers that an
+        engineer reads. The search ends on a grid: how far the fit would still move a number counts
+        as its error, too.
+        """
         term, block = self.effects[number].term, self.regression.blocks[number]
-        return parameters_of(self.data, self.regression, self.fit, term, block)
+        inner = self.fit.coefficient_covariance[block, block]
+        fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
+        # Of what the refit has in its base parameters the search knows how precise it is.
+        fixed = np.where(fixed > 0.0, fixed, term.deviations)
+        numbers = term.effect.parameters(term.shape, term.coefficients, fixed)
+        near: dict[tuple[bool, ...], Shape] = {}  # one for each number, or those that move together
+        if term.effect.free_shape:
+            covered = self.data.covered[term.place.joint]
+            for other in term.effect.neighbours(term.shape, _SHAPE_STEP, covered):
+                moved = np.not_equal(other.numbers, term.shape.numbers)
+                if moved.any():
+                    near.setdefault(tuple(moved), other)
+        if not near:
+            return numbers
+        shapes = [term.shape, *near.values()]
+        covariance, further = self._with_free_shape(term, block, shapes)
+        slopes = _slopes(term, fixed, shapes)
+        variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
+        return {
+            name: replace(number, std=float(np.sqrt(variance)) if variance > 0.0 else None)
+            for (name, number), variance in zip(numbers.items(), variances, strict=True)
+        }
+
+    def _with_free_shape(
+        self, term: Term, block: slice, shapes: Sequence[Shape]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
+
+        And by how much the fit would still move each of them, (k + m,). `block`: the effect's
+        columns in the refit; `shapes`: that of the term, and it moved.
+        """
+        fit, effect = self.fit, term.effect
+        # Of the torque that the fit leaves to the model, as `knee` has it.
+        of_the_fit = with_parameters(self.data, fit.values) if effect.beyond_knee else self.data
+        here, *moved = rows_of(of_the_fit, effect, term.place, shapes)
+        changes = {
+            joint: np.column_stack([(rows[joint] - plain) @ term.coefficients for rows in moved])
+            for joint, plain in here.items()
+        }
+        wider = self.regression.with_columns(changes).fit(fit.noise_models, steps=0)
+        places = np.r_[block, len(fit.coefficients) : len(wider.coefficients)]
+        further = wider.coefficients[places]
+        further[: term.width] -= term.coefficients
+        covariance = wider.coefficient_covariance[np.ix_(places, places)]
+        # Directions that the recording leaves open end where sizes and shapes usually do.
+        usual = scipy.linalg.block_diag(
+            term.prior_root @ term.prior_root.T,
+            np.eye(len(moved)) * (_USUAL_SHAPE / _SHAPE_STEP) ** 2,
+        )
+        open_share = covariance @ np.linalg.pinv(covariance + usual)
+        return covariance - open_share @ covariance, further - open_share @ further
+
+
+def _slopes(term: Term, deviations: FloatArray, shapes: Sequence[Shape]) -> FloatArray:
+    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape.
+
+    `shapes`: that of the term, and it moved.
+    """
+    coefficients = term.coefficients
+
+    def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
+        numbers = term.effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return np.array([number.value for number in numbers.values()])
+
+    shape, *near = shapes
+    here = values(shape, coefficients)
+    sizes = np.maximum(np.maximum(np.abs(coefficients), deviations), 1e-12)
+    slopes = scipy.optimize.approx_fprime(
+        coefficients, lambda changed: values(shape, changed), _COEFFICIENT_STEP * sizes
+    )
+    moves = [values(other, coefficients) - here for other in near]
+    return np.column_stack([slopes.reshape(len(here), -1), *moves])
 
 
 def matters(term: Term) -> bool:

@@ -99,11 +99,6 @@ class Candidate:
             kind: (np.min(table, axis=0), np.max(table, axis=0)) for kind, table in alike.items()
         }
 
-    @property
-    def joints(self) -> tuple[int, ...]:
-        """Joints whose torque it moves."""
-        return tuple(sorted(self.lines))
-
 
 class Catalogue:
     """Candidates of one session, and what physics allows of them.

@@ -274,12 +274,14 @@ class _Ranking:
             rivals.setdefault(keys[row], row)
         dispersions = {}
         for key, row in rivals.items():
+            option = int(self.order[row])
+            columns, crossed = comparison.nominal.option_lines(option), self.model.crossed(option)
             z, values, vectors = self._seen(row)
-            lines, unit = (
-                self.model.option_left(int(self.order[row])),
+            dispersions[key] = comparison.dispersion(
+                self.model.white_residual,
+                self.model.lines_left(columns, crossed),
                 vectors @ (z / np.sqrt(values)),
             )
-            dispersions[key] = comparison.dispersion(self.model.white_residual, lines, unit)
         least = min((over_blocks for over_blocks, _ in dispersions.values()), default=1.0)
         return np.array([max(least, dispersions.get(key, (1.0, 1.0))[1]) for key in keys])
 

@@ -148,10 +148,7 @@ class NominalErrors:
             visible = inner_torque + 0.5 * (change + change.transpose(0, 2, 1))
             number = options.is_number[which]
             visible[number] = inner_torque[number]
-            energy, directions = np.linalg.eigh(visible)
-            whole = np.trace(inner_torque, axis1=1, axis2=2)
-            energy = np.maximum(energy, 1e-5 * whole[:, None] / w + 1e-30)
-            basis = directions / np.sqrt(energy * w)[:, None, :]
+            basis = unit_basis(visible, np.trace(inner_torque, axis1=1, axis2=2))
             turned = basis.transpose(0, 2, 1)
             self.basis[w] = basis
             self.torque_of_joints[which] = _shares(inner_torques, w, basis)
@@ -208,6 +205,18 @@ class NominalErrors:
             white = self.white.columns(self.columns(option))
             self._lines[option] = self.lines_net_of_errors(white, self.moved(option))
         return self._lines[option]
+
+
+def unit_basis(inner: FloatArray, whole: FloatArray) -> FloatArray:
+    """Coefficients (…, w, w) of torques of unit size, which are at right angles.
+
+    `inner` (…, w, w): products of columns, shares of the torque squared; `whole` (…): energy of
+    which a small part is the least that a direction has.
+    """
+    energy, directions = np.linalg.eigh(inner)
+    w = energy.shape[-1]
+    energy = np.maximum(energy, 1e-5 * whole[..., None] / w + 1e-30)
+    return np.asarray(directions / np.sqrt(energy * w)[..., None, :])
 
 
 def _shares(by_joint: Sequence[dict[int, FloatArray]], w: int, basis: FloatArray) -> FloatArray:
@@ -380,10 +389,6 @@ class ModelWithTerms:
     def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
         """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
         return np.asarray(lines - self._taken(crossed).T.astype(np.float32) @ self._lines)
-
-    def option_left(self, option: int) -> FloatArray:
-        """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""
-        return self.lines_left(self.nominal.option_lines(option), self.crossed(option))
 
     def _taken(self, crossed: FloatArray) -> FloatArray:
         """(q, w) coefficients of the terms beside columns with products `crossed` (w, q)."""

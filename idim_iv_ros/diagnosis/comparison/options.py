@@ -134,41 +134,38 @@ class Options:
                 if not self.ledger.joints[joint].left_out:
                     yield joint, first, lines, candidate.width
 
-    def products(self, noise: Sequence[RowNoise], right: Sequence[FloatArray]) -> FloatArray:
-        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q) of each joint."""
-        made = np.zeros((self.count, right[0].shape[1]))
-        drawn = self._drawn_back(noise, right)
-        single = [rows.astype(np.float32) if rows.any() else None for rows in drawn]
+    def products(
+        self,
+        noise: Sequence[RowNoise],
+        right: Sequence[FloatArray],
+        places: Sequence[IntArray] | None = None,
+    ) -> FloatArray:
+        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q_j) of each joint.
+
+        `places`: parameters of the model that the rows are of; None: q columns at every joint.
+        """
+        q = right[0].shape[1] if places is None else self.ledger.parameters
+        made = np.zeros((self.count, q))
+        single = [
+            one.drawn_back(table, joint.segments).astype(np.float32) if table.any() else None
+            for one, table, joint in zip(noise, right, self.ledger.joints, strict=True)
+        ]
         for joint, first, table, _ in self._tables():
             rows = single[joint]
             if rows is not None:
-                start = self.first[first]
-                made[start : start + len(table)] += table @ rows
+                lines = slice(self.first[first], self.first[first] + len(table))
+                made[lines, slice(None) if places is None else places[joint]] += table @ rows
         return made
 
     def products_with_model(
         self, model: Sequence[FloatArray], noise: Sequence[RowNoise]
     ) -> tuple[FloatArray, FloatArray]:
         """XᵀX (b, b) of the whitened model (r_j, c_j), and all whitened columns with X (p, b)."""
-        b = self.ledger.parameters
-        normal, shared = np.zeros((b, b)), np.zeros((self.count, b))
+        normal = np.zeros((self.ledger.parameters, self.ledger.parameters))
         places = [joint.columns for joint in self.ledger.joints]
         for rows, columns in zip(model, places, strict=True):
             normal[np.ix_(columns, columns)] += rows.T @ rows
-        drawn = [rows.astype(np.float32) for rows in self._drawn_back(noise, model)]
-        for joint, first, table, _ in self._tables():
-            start = self.first[first]
-            shared[start : start + len(table), places[joint]] += table @ drawn[joint]
-        return normal, shared
-
-    def _drawn_back(
-        self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]
-    ) -> list[FloatArray]:
-        """Wᵀ rows (r_j, q), of what differs from zero."""
-        return [
-            one.drawn_back(table, joint.segments) if table.any() else table
-            for one, table, joint in zip(noise, rows, self.ledger.joints, strict=True)
-        ]
+        return normal, self.products(noise, model, places)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,9 @@ from scipy.special import softmax
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
-from idim_iv_ros.diagnosis.likelihood import Columns
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term, unit_basis
+from idim_iv_ros.diagnosis.likelihood import width_of
 from idim_iv_ros.effects.effect import Shape
-from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)  # relative, of the numbers of a shape
 _MOVES = 4  # at most, of one step
@@ -95,12 +94,17 @@ def _best_of(
     for shape, columns in zip(shapes, catalogue.columns_of(term.candidate, shapes), strict=True):
         if not all(np.isfinite(table).all() for table in columns.values()):
             continue
-        width = next(iter(columns.values())).shape[1]
+        width, basis = width_of(columns), term.basis
+        if anew or width != term.width:
+            sizes = comparison.options.ledger.sizes
+            of_joints = [t.T @ t / (len(t) * sizes[joint] ** 2) for joint, t in columns.items()]
+            inner = np.sum(of_joints, axis=0)
+            basis = unit_basis(inner, np.trace(inner))
         other = replace(
             term,
             shape=shape,
             columns=dict(columns),
-            basis=_unit_torque(comparison, columns) if anew or width != term.width else term.basis,
+            basis=basis,
             coefficients=np.zeros(width),
         )
         model = comparison.with_terms([*terms[:number], other, *terms[number + 1 :]])
@@ -123,18 +127,6 @@ def _within_grid(term: Term, shape: Shape) -> bool:
     ratio = np.where((low > 0.0) & (numbers > 0.0), low / np.maximum(numbers, 1e-300), 0.0)
     inside = (numbers <= high + room) & (numbers >= low - room)
     return bool(np.all(inside & (ratio <= 1.0 + _BEYOND_GRID)))
-
-
-def _unit_torque(comparison: Comparison, columns: Columns) -> FloatArray:
-    """(w, w) coefficients of torques of unit size."""
-    ledger = comparison.options.ledger
-    inner = sum(
-        table.T @ table / (len(table) * ledger.sizes[joint] ** 2)
-        for joint, table in columns.items()
-    )
-    energy, directions = np.linalg.eigh(np.atleast_2d(inner))
-    energy = np.maximum(energy, 1e-5 * float(energy.sum()) / len(energy) + 1e-30)
-    return np.asarray(directions / np.sqrt(energy * len(energy)))
 
 
 def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:

@@ -6,7 +6,7 @@ from each single one of the rest. The nominal errors have a relative size for li
 drives: the one that makes the whole likelier, each size with a set of its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from operator import itemgetter
@@ -255,49 +255,45 @@ def climb(comparison: Comparison, start: Sequence[Term]) -> Terms:
 
 
 def _restarted(comparison: Comparison, best: Grown) -> Grown:
-    """The best of a set that has grown and those that restarts reach."""
+    """The best of a set that has grown and those that restarts reach; of fewer, as good a one."""
     reached: dict[frozenset[object], Grown] = {}  # by the starts that were tried
     for _ in range(_RESTARTS):
-        better = _better(comparison, best, reached)
-        if better is None:
-            break
-        best = better
-    return best
-
-
-def _better(
-    comparison: Comparison, best: Grown, reached: dict[frozenset[object], Grown]
-) -> Grown | None:
-    """A better set that grows without one of the terms; the best of fewer may be as good."""
-    value, terms = best
-    simpler: Grown | None = None
-    if len(terms) < 2:
-        return None
-    for term in sorted(terms, key=lambda term: float(term.visible.max())):
-        rest = tuple(other for other in terms if other is not term)
-        alone = ((other,) for other in rest if len(rest) > 1)
-        for start in (rest, *_with_other_numbers(comparison, rest), *alone):
+        value, terms = best
+        simpler: list[Grown] = []
+        for start in _starts(comparison, terms):
             state = _state(start)
             if state not in reached:
                 reached[state] = _grown(comparison, start)
             new, others = reached[state]
             if new > value:
-                return new, others
-            fewer = len(others) < len(terms) and (simpler is None or new > simpler[0])
-            if fewer and new > value - _tolerance(comparison, terms, others):
-                simpler = new, others
-    return simpler
+                best = new, others
+                break
+            if len(others) < len(terms) and new > value - _tolerance(comparison, terms, others):
+                simpler.append((new, others))
+        else:
+            if not simpler:
+                break
+            best = max(simpler, key=itemgetter(0))
+    return best
 
 
-def _with_other_numbers(comparison: Comparison, terms: Terms) -> list[Terms]:
-    """The same with other numbers of one effect: what has left may have been made up by them."""
-    made: list[Terms] = []
-    for place, term in enumerate(terms):
-        others = (*terms[:place], *terms[place + 1 :])
-        sets = [(*others, other) for other in comparison.other_numbers(term, others)]
-        if sets:
-            made.append(max(sets, key=comparison.objective))
-    return made
+def _starts(comparison: Comparison, terms: Terms) -> Iterator[Terms]:
+    """Yield what is left without a term, that with other numbers, and single ones of it.
+
+    What has left may have been made up by the numbers of one of the others.
+    """
+    if len(terms) < 2:
+        return
+    for term in sorted(terms, key=lambda term: float(term.visible.max())):
+        rest = tuple(other for other in terms if other is not term)
+        yield rest
+        for place, changed in enumerate(rest):
+            others = (*rest[:place], *rest[place + 1 :])
+            sets = [(*others, other) for other in comparison.other_numbers(changed, others)]
+            if sets:
+                yield max(sets, key=comparison.objective)
+        if len(rest) > 1:
+            yield from ((other,) for other in rest)
 
 
 def _grown(comparison: Comparison, terms: Terms) -> Grown:
@@ -343,8 +339,8 @@ def _is_full(terms: Sequence[Term]) -> bool:
 def _tolerance(comparison: Comparison, terms: Terms, others: Terms) -> float:
     """Evidence that misfit may make at the joints of the terms that stay."""
     kept = _state(others)
-    gone = {j for t in terms if t.identity not in kept for j in t.candidate.joints}
-    stay = {j for t in others for j in t.candidate.joints}
+    gone = {joint for term in terms if term.identity not in kept for joint in term.columns}
+    stay = {joint for term in others for joint in term.columns}
     gaps, residual = comparison.nominal.white.gap, comparison.with_terms(terms).white_residual
     left = np.split(residual, np.cumsum([len(gap) for gap in gaps])[:-1])
     energies = [float(gaps[j] @ gaps[j] - left[j] @ left[j]) for j in gone & stay]

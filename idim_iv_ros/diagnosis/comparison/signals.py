@@ -29,17 +29,7 @@ class Unnamed(Effect):
     signed = True
 
 
-class SignalError(Unnamed):
-    """An error of the recording, or of the mounting, at one place and of one shape."""
-
-    family: ClassVar[Family] = "load"
-
-    def note(self, joint: str, shape: Shape, values: FloatArray, deviations: FloatArray) -> str:
-        """What a report says of it, beside the causes; nothing by default."""
-        return ""
-
-
-class TiltedMoments(SignalError):
+class TiltedMoments(Unnamed):
     """First moments about the first joint of a base that is tilted.
 
     About a vertical axis gravity does not show them, so that no base parameter holds them; under a
@@ -47,6 +37,7 @@ class TiltedMoments(SignalError):
     """
 
     name = "first_moments_under_tilt"
+    family: ClassVar[Family] = "load"
     acts_with = "gravity"
 
     def places(self, joints: int) -> list[Place]:
@@ -63,7 +54,7 @@ class TiltedMoments(SignalError):
         return {0: turning if upright else np.zeros_like(turning)}
 
 
-class CommonShift(SignalError):
+class CommonShift(Unnamed):
     """An effort that is late at all joints by what effects hid when it was aligned.
 
     A soft shaft or a coupling changes the shift that is estimated without it. What remains is of
@@ -87,7 +78,7 @@ class CommonShift(SignalError):
         return {joint: rates[:, [joint]] for joint in range(motion.torque.shape[1])}
 
 
-class GainRipple(WaveEffect, SignalError):
+class GainRipple(WaveEffect, Unnamed):
     """An effort whose gain ripples over the position: the torque times 1 + Σ a sin n q + b cos n q.
 
     Slots, poles and the sensors of the phase currents make the torque of a unit current depend on
@@ -109,7 +100,7 @@ class GainRipple(WaveEffect, SignalError):
         return bool(np.all(np.abs(coefficients) < _LARGEST_RIPPLE))
 
     def note(self, joint: str, shape: Shape, values: FloatArray, deviations: FloatArray) -> str:
-        """Its first wave."""
+        """What a report says of its first wave, beside the causes."""
         size = float(np.hypot(*values[:2]))
         deviation = float(np.hypot(*(values[:2] * deviations[:2]))) / max(size, 1e-300)
         percent, half = 100.0 * size, 100.0 * settings.NORMAL_95 * deviation
