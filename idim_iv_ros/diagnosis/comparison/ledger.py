@@ -89,15 +89,13 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
     `free`: whether every number is free, whatever the nominal model says.
     """
     given = None if free else data.prepared.given
-    regression, joints = data.regression, data.rows
-    sizes = data.torque_sizes
-    model = data.prepared.model
+    regression, joints, sizes = data.regression, data.rows, data.torque_sizes
     if given is None:
         values = regression.fitted.values
         links = _of_free_size(joints, sizes, np.eye(regression.parameters))
         drives = free_errors = np.zeros((regression.parameters, 0))
     else:
-        values = given
+        values, model = given, data.prepared.model
         grouping = np.asarray(model.base.grouping)
         refit = model.dynamic_parameters(data.estimate.linear.values)
         links = grouping @ errors_of_links(model)
@@ -129,11 +127,11 @@ def _of_free_size(
     joints: tuple[JointRows, ...], sizes: FloatArray, changes: FloatArray
 ) -> FloatArray:
     """Changes (b, k) whose torque is far larger than the recorded one."""
-    share = np.zeros(changes.shape[1])
-    for rows, size in zip(joints, sizes, strict=True):
-        torque = np.sqrt(np.mean((rows.matrix @ changes[rows.columns]) ** 2, axis=0)) / size
-        share = np.maximum(share, torque)
-    return np.asarray(changes * _FREE / np.maximum(share, 1e-12))
+    shares = [
+        np.sqrt(np.mean((rows.matrix @ changes[rows.columns]) ** 2, axis=0)) / size
+        for rows, size in zip(joints, sizes, strict=True)
+    ]
+    return np.asarray(changes * _FREE / np.maximum(np.max(shares, axis=0), 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
