@@ -321,9 +321,14 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
         displaced.append(AssessedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier"))
     if len(selection.terms) == len(selection.signals):
         return displaced
-    chosen = chosen_without(selection)
-    remaining = _beyond_noise(selection, repeats)
-    made = []
+    data, chosen, made = selection.catalogue.data, chosen_without(selection), []
+    # What all terms leave beyond the noise floor, as a share of each joint's torque.
+    left = selection.comparison.with_terms(selection.terms).residuals
+    remaining = np.zeros(len(data.joints))
+    for joint, floor in enumerate(noise_floors(data, data.regression.fitted, repeats)):
+        if floor.sigma is not None:
+            square = float(np.mean(left[joint] ** 2)) - floor.sigma**2
+            remaining[joint] = np.sqrt(max(square, 0.0)) / data.torque_sizes[joint]
     for number, term in enumerate(selection.terms):
         if term.candidate.kind is Kind.SIGNAL:
             continue
@@ -339,20 +344,7 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
             reason = sentences.too_unsure(unsure, times)
         odds = probability(values, term.key.effect)
         made.append(AssessedTerm(term, values, odds, times, reason, outside, unsure))
-    made.sort(key=lambda one: -float(one.term.visible.max()))
-    return made + displaced
-
-
-def _beyond_noise(selection: Selection, repeats: Sequence[Repeat]) -> FloatArray:
-    """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    data = selection.catalogue.data
-    floors = noise_floors(data, data.regression.fitted, repeats)
-    left = selection.comparison.with_terms(selection.terms).residuals
-    shares = []
-    for rest, floor, size in zip(left, floors, data.torque_sizes, strict=True):
-        square = float(np.mean(rest**2)) - (floor.sigma or 0.0) ** 2
-        shares.append(0.0 if floor.sigma is None else np.sqrt(max(square, 0.0)) / size)
-    return np.array(shares)
+    return sorted(made, key=lambda one: -float(one.term.visible.max())) + displaced
 
 
 def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:

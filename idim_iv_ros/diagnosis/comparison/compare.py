@@ -16,10 +16,11 @@ from scipy.special import expit, logsumexp, softmax
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key, Kind
-from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC, is_form_of
+from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import LOG_NOTHING
 from idim_iv_ros.diagnosis.likelihood import rms
+from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.types import FloatArray, IntArray
 
 # Torque that an effect may have, as a share of the joint's: its size is a mixture over these.
@@ -79,20 +80,26 @@ class Comparison:
         """Other numbers of the nominal model that the effect of a term may have at its place."""
         if term.candidate.kind is not Kind.NUMBER:
             return []
-        return _Ranking(self, others, curves=False).all_of(term.key)
+        ranking = _Ranking(self, others, curves=False)
+        rows = np.flatnonzero(self.options.key[ranking.order] == self.options.keys.index(term.key))
+        allowed = ranking.allowed(())
+        return [ranking.term(k, allowed) for k in rows.tolist() if ranking.numbers(k) is not None]
 
     def curve(self, terms: Sequence[Term], replaced: Term | None = None) -> Term | None:
         """The likeliest free curve beside terms; None if nothing is left for one.
 
-        Curves that are another form of one of them, or of an effect that is `replaced`, are out.
+        Curves that are another form of one of them, or of an effect that is `replaced`, are out: so
+        it is with friction over time, position or load, of which the catalogue has one effect each;
+        friction over speed may be one of several.
         """
         effects = [term for term in terms if term.is_effect]
-        forms = {
-            term.key._replace(effect=curve.name)
-            for term in (effects if replaced is None else [*effects, replaced])
-            for curve in NONPARAMETRIC
-            if is_form_of(curve, term.effect)
-        }
+        effects += [] if replaced is None else [replaced]
+        forms = set()
+        for curve in (curve for curve in NONPARAMETRIC if curve.part):
+            kind = curve.part, curve.family
+            alike = [effect for effect in STRUCTURAL if (effect.part, effect.family) == kind]
+            keys = [term.key for term in effects if alike == [term.effect]]
+            forms.update(key._replace(effect=curve.name) for key in keys)
         return _Ranking(self, terms, curves=True).first(forms)
 
     def objective(self, terms: Sequence[Term]) -> float:
@@ -291,28 +298,22 @@ class _Ranking:
         Scores of the same torque differ as the estimates of its dispersion do: effects and places
         of nearly the best score are compared as a whole.
         """
-        rows = self._allowed(banned)
+        rows = self.allowed(banned)
         of_key: dict[int, int] = {}
         for row in rows:
             if self.score[row] >= self._nearly(rows[0]):
                 of_key.setdefault(int(self.comparison.options.key[self.order[row]]), row)
-        terms = [self._term(row, rows) for row in list(of_key.values())[:_MOST_ALIKE]]
+        terms = [self.term(row, rows) for row in list(of_key.values())[:_MOST_ALIKE]]
         if len(terms) < 2:
             return terms[0] if terms else None
         others = self.model.terms
         return max(terms, key=lambda term: self.comparison.objective((*others, term)))
 
-    def all_of(self, key: Key) -> list[Term]:
-        """Terms of all options of one effect and place that physics allows."""
-        options, allowed = self.comparison.options, self._allowed(())
-        rows = np.flatnonzero(options.key[self.order] == options.keys.index(key)).tolist()
-        return [self._term(row, allowed) for row in rows if self._numbers(row) is not None]
-
     def _nearly(self, row: int) -> float:
         """Score that is nearly that of a row."""
         return float(self.score[row]) - _SAME_SCORE * max(float(self.score[row]), 0.0)
 
-    def _allowed(self, banned: Collection[Key]) -> list[int]:
+    def allowed(self, banned: Collection[Key]) -> list[int]:
         """Rows that are present, and that physics allows, the best first, as far as they matter."""
         options = self.comparison.options
         parts = {term.candidate.effect.part for term in self.model.terms}
@@ -326,14 +327,14 @@ class _Ranking:
             k = int(self.order[row])
             acts_with = options.candidates[options.candidate[k]].effect.acts_with
             alone = acts_with and acts_with not in parts
-            if alone or options.keys[options.key[k]] in banned or self._numbers(row) is None:
+            if alone or options.keys[options.key[k]] in banned or self.numbers(row) is None:
                 continue
             if not rows:
                 least = max(least, min(self._nearly(row), float(score[row]) - settings.NEAR))
             rows.append(row)
         return rows
 
-    def _numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    def numbers(self, row: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Coefficients of unit size, coefficients and deviations; None where not allowed."""
         comparison, options = self.comparison, self.comparison.options
         k, by = int(self.order[row]), self.dispersion[row]
@@ -386,9 +387,9 @@ class _Ranking:
             log_prior=float(self.comparison.options.log_prior[option]),
         )
 
-    def _term(self, row: int, allowed: Sequence[int]) -> Term:
+    def term(self, row: int, allowed: Sequence[int]) -> Term:
         """Term of a row, with those of the `allowed` ones that are as good as its rivals."""
-        numbers = self._numbers(row)
+        numbers = self.numbers(row)
         assert numbers is not None
         unit, coefficients, deviations = numbers
         comparison, options, option = self.comparison, self.comparison.options, int(self.order[row])

@@ -16,12 +16,9 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.effects.cause import Family
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.effects.motion import RobotMotion, Torques
-from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.effects.waves import WaveEffect, Waves
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
-
-OfMotion = Callable[[RobotMotion, int], FloatArray]
 
 _STOP_RANGE = 0.4  # of the joint's range, from either end, in which a contact is looked for
 _LONGEST_SHIFT = 0.02  # s
@@ -58,40 +55,21 @@ class Nonparametric(Unnamed):
     words: str
 
 
-# What a curve may depend on, (s,) of one joint, and the knots of the curve.
-_VARIABLES: dict[str, tuple[OfMotion, Callable[[JointRange], FloatArray]]] = {
-    "speed": (
-        lambda motion, joint: np.abs(motion.velocity[:, joint]),
-        lambda covered: np.append(0.0, np.geomspace(covered.slowest, covered.fastest, 7)),
-    ),
-    "position": (
-        lambda motion, joint: motion.position[:, joint],
-        lambda covered: np.linspace(covered.low, covered.high, 9),
-    ),
-    "load": (
-        lambda motion, joint: np.abs(motion.load[:, joint]),
-        lambda covered: np.linspace(0.0, covered.load, 6),
-    ),
-    "torque": (
-        lambda motion, joint: np.abs(motion.torque[:, joint]),
-        lambda covered: np.linspace(0.0, covered.torque, 7),
-    ),
-    "time": (
-        lambda motion, joint: motion.time,
-        lambda covered: np.linspace(0.0, covered.duration, 6),
-    ),
-}
-# What a curve is multiplied by.
-_WEIGHTS: dict[str, OfMotion] = {
-    "one": lambda motion, joint: np.ones(len(motion.time)),
-    "slip": lambda motion, joint: motion.slip[:, joint],
-    "velocity": lambda motion, joint: motion.velocity[:, joint],
-    "side": lambda motion, joint: np.sign(motion.torque[:, joint]),
+_KNOTS: dict[str, Callable[[JointRange], FloatArray]] = {
+    "velocity": lambda covered: np.append(0.0, np.geomspace(covered.slowest, covered.fastest, 7)),
+    "position": lambda covered: np.linspace(covered.low, covered.high, 9),
+    "load": lambda covered: np.linspace(0.0, covered.load, 6),
+    "torque": lambda covered: np.linspace(0.0, covered.torque, 7),
+    "time": lambda covered: np.linspace(0.0, covered.duration, 6),
 }
 
 
 class Curve(Nonparametric):
-    """Σ of hat functions of a variable, times the direction or not; shape: the knots."""
+    """Σ of hat functions of a variable, times a weight; shape: the knots.
+
+    `variable`: of the motion, but for position and time its modulus; `weight`: of the motion, too;
+    one, or the sign of the torque (side).
+    """
 
     fixed = ("values",)
 
@@ -99,32 +77,26 @@ class Curve(Nonparametric):
         self.name = name  # type: ignore[misc]
         self.family = family  # type: ignore[misc]
         self.part = "friction" if weight in ("slip", "velocity") else ""  # type: ignore[misc]
-        self.words = words
-        self._variable, self._knots = _VARIABLES[variable]
-        self._weight = _WEIGHTS[weight]
+        self.words, self._variable, self._weight = words, variable, weight
 
     def grid(self, covered: JointRange) -> list[Shape]:
         """One set of knots."""
-        knots = self._knots(covered)
+        knots = _KNOTS[self._variable](covered)
         return [Knots(tuple(map(float, knots)))] if np.all(np.diff(knots) > 0.0) else []
 
     def columns(self, motion: RobotMotion, place: Place, shape: Knots) -> Torques:
         """Hat functions at the knots."""
-        values = self._variable(motion, place.joint)
-        hats = np.column_stack(
-            [np.interp(values, shape.values, row) for row in np.eye(len(shape.values))]
-        )
-        return {place.joint: hats * self._weight(motion, place.joint)[:, None]}
-
-
-def is_form_of(curve: Effect, effect: Effect) -> bool:
-    """Whether what a free curve describes has the name of an effect, whatever its form.
-
-    So it is with friction over time, position or load, of which the catalogue has one effect each;
-    friction over speed may be one of several.
-    """
-    alike = [one for one in STRUCTURAL if (one.part, one.family) == (curve.part, curve.family)]
-    return bool(curve.part) and alike == [effect]
+        values = getattr(motion, self._variable)
+        if self._variable != "time":
+            values = values[:, place.joint]
+            values = values if self._variable == "position" else np.abs(values)
+        hats = [np.interp(values, shape.values, row) for row in np.eye(len(shape.values))]
+        weight = np.ones(len(values))
+        if self._weight == "side":
+            weight = np.sign(motion.torque[:, place.joint])
+        elif self._weight != "one":
+            weight = getattr(motion, self._weight)[:, place.joint]
+        return {place.joint: np.column_stack(hats) * weight[:, None]}
 
 
 class Stop(Nonparametric):
@@ -176,11 +148,11 @@ class Lags(Nonparametric):
 NONPARAMETRIC: tuple[Nonparametric, ...] = (
     Curve(
         "friction over speed", "velocity", "is a friction that depends on the speed",
-        "speed", "slip",
+        "velocity", "slip",
     ),
     Curve(
         "difference of directions over speed", "velocity",
-        "differs between the directions and depends on the speed", "speed", "one",
+        "differs between the directions and depends on the speed", "velocity", "one",
     ),
     Curve(
         "torque over position", "position", "depends on the position, the same in both directions",

@@ -106,21 +106,14 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
         free_errors = _of_free_size(joints, sizes, grouping[:, chosen])
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
     changes, blocks = (links, drives, free_errors), row_blocks(data, BLOCK)
-    return Ledger(joints, gap, sizes, *changes, blocks, _unsampled(data), given is not None)
-
-
-def _unsampled(data: Baseline) -> tuple[FloatArray, ...]:
-    """(r_j,) content of the torque at half the rate of the recording, brought down to the rows.
-
-    Shocks that are shorter than two samples leave it, and with it errors at the rows.
-    """
-    rows = []
+    # What alternates, brought down to the rows: shocks shorter than two samples leave it, and errors.
+    parts = []
     for motion in data.prepared.motions:
         torque = motion.signals.torque.copy()
         torque[1::2] *= -1.0
-        rows.append(motion.decimation.whole(torque[motion.span]))
-    joints = range(len(data.joints))
-    return tuple(data.counting(joint, [table[:, joint] for table in rows]) for joint in joints)
+        parts.append(motion.decimation.whole(torque[motion.span]))
+    alternating = [data.counting(j, [part[:, j] for part in parts]) for j in range(len(joints))]
+    return Ledger(joints, gap, sizes, *changes, blocks, tuple(alternating), given is not None)
 
 
 def _of_free_size(

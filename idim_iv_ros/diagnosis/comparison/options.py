@@ -120,7 +120,10 @@ class Options:
                 rows = rows.reshape(stop - start, w, -1)
                 places = slice(first + start, first + stop)
                 for k in np.unique(parts[joint]):
-                    made[k][w][self.place[places]] += _dots(rows[:, :, parts[joint] == k])
+                    some = rows[:, :, parts[joint] == k]
+                    # As a product of long and narrow matrices they take ten times as long.
+                    dots = some[:, :, None, None] @ some[:, None, :, :, None]
+                    made[k][w][self.place[places]] += dots[:, :, :, 0, 0]
         return made
 
     def _tables(self) -> Iterator[tuple[int, int, SingleArray, int]]:
@@ -242,11 +245,3 @@ def without_parts(white: Whitened, parts: Sequence[IntArray]) -> Iterator[Whiten
         yield replace(
             white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=left
         )
-
-
-def _dots(rows: FloatArray) -> FloatArray:
-    """Products (m, w, w) of rows (m, w, r) with those of the same option, each as one dot product.
-
-    As a product of long and narrow matrices they take ten times as long.
-    """
-    return np.asarray((rows[:, :, None, None] @ rows[:, None, :, :, None])[:, :, :, 0, 0])
