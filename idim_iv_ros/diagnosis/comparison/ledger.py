@@ -106,7 +106,7 @@ def torque_ledger(data: Baseline, *, free: bool = False) -> Ledger:
         free_errors = _of_free_size(joints, sizes, grouping[:, chosen])
     gap = tuple(np.zeros(len(rows)) if rows.left_out else rows.residual(values) for rows in joints)
     changes, blocks = (links, drives, free_errors), row_blocks(data, BLOCK)
-    # What alternates, brought down to the rows: shocks shorter than two samples leave it, and errors.
+    # What alternates, at the rows: shocks shorter than two samples leave it, and errors with it.
     parts = []
     for motion in data.prepared.motions:
         torque = motion.signals.torque.copy()
