@@ -94,7 +94,7 @@ class Comparison:
         """
         effects = [term for term in terms if term.is_effect]
         effects += [] if replaced is None else [replaced]
-        forms = set()
+        forms: set[Key] = set()
         for curve in (curve for curve in NONPARAMETRIC if curve.part):
             kind = curve.part, curve.family
             alike = [effect for effect in STRUCTURAL if (effect.part, effect.family) == kind]
