@@ -151,15 +151,11 @@ class Comparison:
         takes of them; `unit`: (w,) coefficients.
         """
         ledger = self.options.ledger
-        sizes = ledger.sizes
-        whole, visible = np.zeros((2, len(sizes)))
-        for joint, size in enumerate(sizes):
-            if joint in plain:
-                whole[joint] = ledger.share(joint, plain[joint] @ unit)
-            visible[joint] = rms(uncovered[joint] @ unit) / size
+        whole = ledger.shares(plain, unit)
+        visible = np.array([rms(left @ unit) for left in uncovered]) / ledger.sizes
         if candidate.kind is not Kind.EFFECT:
             taken = [joint for term in others if term.is_effect for joint in term.place.joints]
-            visible = np.where(np.isin(np.arange(len(sizes)), taken), visible, whole)
+            visible = np.where(np.isin(np.arange(len(whole)), taken), visible, whole)
         return whole, visible
 
     def beyond_misfit(

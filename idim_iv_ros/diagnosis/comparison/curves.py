@@ -145,40 +145,28 @@ class Lags(Nonparametric):
         return {place.joint: np.column_stack(rows[1:])}
 
 
+# Name, family, words, variable, weight.
+_CURVES: tuple[tuple[str, Family, str, str, str], ...] = (
+    ("friction over speed", "velocity", "is a friction that depends on the speed",
+     "velocity", "slip"),
+    ("difference of directions over speed", "velocity",
+     "differs between the directions and depends on the speed", "velocity", "one"),
+    ("torque over position", "position", "depends on the position, the same in both directions",
+     "position", "one"),
+    ("friction over position", "position", "is a friction that depends on the position",
+     "position", "slip"),
+    ("friction over load", "load", "is a friction that depends on the load", "load", "slip"),
+    ("torque over torque", "load", "depends on the motor's torque", "torque", "side"),
+    ("dry friction over time", "time", "is a dry friction that changes during the session",
+     "time", "slip"),
+    ("viscous friction over time", "time", "is a viscous friction that changes during the session",
+     "time", "velocity"),
+)  # fmt: skip
 NONPARAMETRIC: tuple[Nonparametric, ...] = (
-    Curve(
-        "friction over speed", "velocity", "is a friction that depends on the speed",
-        "velocity", "slip",
-    ),
-    Curve(
-        "difference of directions over speed", "velocity",
-        "differs between the directions and depends on the speed", "velocity", "one",
-    ),
-    Curve(
-        "torque over position", "position", "depends on the position, the same in both directions",
-        "position", "one",
-    ),
-    Curve(
-        "friction over position", "position", "is a friction that depends on the position",
-        "position", "slip",
-    ),
-    Curve(
-        "friction over load", "load", "is a friction that depends on the load", "load", "slip",
-    ),
-    Curve(
-        "torque over torque", "load", "depends on the motor's torque", "torque", "side",
-    ),
-    Curve(
-        "dry friction over time", "time", "is a dry friction that changes during the session",
-        "time", "slip",
-    ),
-    Curve(
-        "viscous friction over time", "time",
-        "is a viscous friction that changes during the session", "time", "velocity",
-    ),
+    *(Curve(*row) for row in _CURVES),
     Stop(),
     Lags(),
-)  # fmt: skip
+)
 
 
 class TiltedMoments(Unnamed):

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.diagnosis.likelihood import noise_model, rms
+from idim_iv_ros.diagnosis.likelihood import Columns, noise_model, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.estimation.qr import Basis, independent_basis
@@ -66,9 +66,16 @@ class Ledger:
         usual = sizes[0] * self.link_errors, sizes[1] * self.drive_errors
         return np.hstack([*usual, self.free_errors])
 
-    def share(self, joint: int, torque: FloatArray) -> float:
-        """RMS of a torque (r_j,) over that of the joint, without what free numbers take of it."""
-        return rms(self._of_free_numbers[joint].remove(torque)) / float(self.sizes[joint])
+    def shares(self, columns: Columns, coefficients: FloatArray) -> FloatArray:
+        """RMS (n_joints,) of a torque over that of the joint, without what free numbers take.
+
+        `columns` (r_j, w), `coefficients` (w,): the torque is their product.
+        """
+        made = np.zeros(len(self.sizes))
+        for joint, table in columns.items():
+            torque = self._of_free_numbers[joint].remove(table @ coefficients)
+            made[joint] = rms(torque) / float(self.sizes[joint])
+        return made
 
     @cached_property
     def _of_free_numbers(self) -> list[Basis]:

@@ -132,13 +132,10 @@ def _within_grid(term: Term, shape: Shape) -> bool:
 def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the coefficients, deviations and shares that they have beside one another."""
     model = comparison.with_terms(terms)
-    ledger = comparison.options.ledger
     made = []
     for term, part in zip(terms, model.blocks, strict=True):
         values = model.coefficients[part]
         spread = np.sqrt(np.diag(model.covariance)[part] * term.dispersion)
-        whole = np.zeros(len(ledger.sizes))
-        for joint, table in term.columns.items():
-            whole[joint] = ledger.share(joint, table @ values)
+        whole = comparison.options.ledger.shares(term.columns, values)
         made.append(replace(term, coefficients=values, deviations=spread, whole=whole))
     return tuple(made)
