@@ -140,7 +140,7 @@ def _parametric_cause(
     data, space, joint = explanation.data, explanation.selection.catalogue.space, term.key.joint
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
-    if joint is not None and term.candidate.is_not_given(space):
+    if joint is not None and term.candidate in explanation.selection.catalogue.not_given:
         inseparable = effect.inseparable_from(space, joint)
         others = tuple(Indistinguishable(other, name, 1.0) for other in inseparable)
     changes = map(data.joint_change, range(len(data.joints)), before, after)

@@ -77,13 +77,6 @@ class Candidate:
         rows = zip(self.changes, values.tolist(), deviations.tolist(), strict=True)
         return [Estimated(*row) for row in rows]
 
-    def is_not_given(self, space: ParameterSpace) -> bool:
-        """Whether it is a number of which the nominal model says nothing."""
-        effect, place = self.effect, self.place
-        if place is None or not isinstance(effect, ParametricEffect):
-            return False
-        return effect.is_not_given(space, place.joint)
-
     def is_no_base_parameter(self, space: ParameterSpace) -> bool:
         """Whether no base parameters make up for this number, such as a tilt of gravity."""
         return any(change.direction[len(space.given) :].any() for change in self.changes)
@@ -125,7 +118,11 @@ class Catalogue:
         self._hidden = frozenset(hidden)
         self._numbers = [] if data.prepared.why_no_given else self._parametric(without, still)
         self.not_given = tuple(
-            number for number in self._numbers if number.is_not_given(self.space)
+            number
+            for number in self._numbers
+            if isinstance(number.effect, ParametricEffect)
+            and number.place is not None
+            and number.effect.is_not_given(self.space, number.place.joint)
         )
         self.candidates = (
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
