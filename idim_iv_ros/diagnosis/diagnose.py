@@ -82,12 +82,10 @@ def diagnose(
     UsageError, DataError
         As `identify`.
     """
-    excluded = tuple(without)
-    given = as_paths(bags)
+    excluded, given = tuple(without), as_paths(bags)
     second = as_paths(against) if against else ()
-    reference = {os.path.realpath(bag) for bag in given}
     for bag in second:
-        if os.path.realpath(bag) in reference:
+        if os.path.realpath(bag) in map(os.path.realpath, given):
             raise UsageError(
                 f"--against {bag}: it is among the reference recordings, too; "
                 "a set cannot differ from itself"
@@ -105,10 +103,9 @@ def diagnose(
         if second:
             watch.stage("contrast", 0.97)
             # Of the configuration with gravity, where it was missing and found.
-            robot = refit.data.prepared.configuration.robot
-            same = configuration.model_copy(update={"robot": robot})
-            alike = refit.data.prepared.session.recordings
-            contrast = contrasted(alike, others, same, excluded)
+            prepared = refit.data.prepared
+            same = configuration.model_copy(update={"robot": prepared.configuration.robot})
+            contrast = contrasted(prepared.session.recordings, others, same, excluded)
             by_itself = f"The reference ({', '.join(result.bags)}) by itself: {result.summary}"
             summary = f"{contrast.sentence} {by_itself}"
             result = replace(result, contrast=contrast, summary=summary)
@@ -182,12 +179,11 @@ def concluded(
         for stage, errors in zip(explanation.tested.stages, tracked, strict=True)
     )
 
-    effects = [effect.term for effect in explanation.effects]
     numbers, errors = parametric_causes(explanation)
     chain = refit.shift.chain
     differing = {joint: chain.joint_shifts[joint] for joint in chain.differing}
     law = check_law(data, without, shift=refit.shift.common, of_joints=differing)
-    law = law.not_shown_by_torque(data, numbers, effects)
+    law = law.not_shown_by_torque(data, numbers, [effect.term for effect in explanation.effects])
     causes = [
         *structural_causes(explanation, simulation_gaps(explanation, tracked)),
         *numbers,
@@ -204,15 +200,14 @@ def concluded(
     gaps, findings = where(data, explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], explanation.floors)
-    made = explanation.selection.catalogue.made
-    hidden = not_shown_by_motion(data, structural, noise, made)
+    hidden = not_shown_by_motion(data, structural, noise, explanation.selection.catalogue.made)
     named = {(cause.effect, cause.joint) for cause in causes}
 
     outside = unexplained(explanation)
     residual = unexplained_residual(explanation, stages)
-    not_named = remaining(errors, settings.LEAST_PARAMETER_ERROR)
-    small = not_named if causes else remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
-    more_errors = not_named or small
+    more_errors = not_named = remaining(errors, settings.LEAST_PARAMETER_ERROR)
+    if not causes and not not_named:
+        more_errors = remaining(errors, settings.PARAMETRIC_LEAST_TORQUE)
     much_left = bool(residual) or len(data.left_out) == len(data.joints)
     verdict = verdict_of(causes, outside, parameters=bool(not_named), unexplained=much_left)
     left_out = {
@@ -240,9 +235,8 @@ def concluded(
         f"left out of the catalogue on request: {', '.join(without)}" * bool(without),
         ARMATURE_MISSING * prepared.armature_missing,
     ]
-    speed = None if law.speed is None else law.speed.words
+    speed, unchecked = None if law.speed is None else law.speed.words, why_not_checked(data)
     seconds = sum(recording.duration for recording in prepared.recordings)
-    unchecked = why_not_checked(data)
     notes = [
         refit.shift.sentence,
         *signal_notes(data.joints, explanation.selection.terms),
@@ -321,16 +315,14 @@ def concluded(
 
 def _series(explanation: Explained) -> tuple[GapSeries, ...]:
     """Measured torque and that of three models for the figures, one series for each joint."""
-    data, fit = explanation.data, explanation.fit
+    data, fit, made = explanation.data, explanation.fit, []
     residuals, given = nominal_residuals(data), data.prepared.given
-    blocks, made = explanation.regression.blocks, []
     for joint, name in enumerate(data.joints):
         torque = data.rows[joint].torque
         friction = _friction(data, joint, fit.values)
-        for effect, block in zip(explanation.effects, blocks, strict=True):
-            columns = effect.term.columns
-            if effect.term.effect.part == "friction" and joint in columns:
-                friction = friction + columns[joint] @ fit.coefficients[block]
+        for effect, block in zip(explanation.effects, explanation.regression.blocks, strict=True):
+            if effect.term.effect.part == "friction" and joint in effect.term.columns:
+                friction = friction + effect.term.columns[joint] @ fit.coefficients[block]
         made.append(
             GapSeries(
                 joint=name,
@@ -358,15 +350,15 @@ def _consistent(explanation: Explained) -> tuple[PhysicalParameters | None, str]
     data = explanation.data
     if len(data.left_out) == len(data.joints):
         return None, "every joint is left out"
-    fit, parameters = explanation.fit, len(explanation.fit.values)
+    fit, b = explanation.fit, len(explanation.fit.values)
     rows = [
         replace(joint, torque=joint.prediction(fit.values) + residual)
         for joint, residual in zip(data.rows, fit.residuals, strict=True)
     ]
     sigma = np.maximum([np.std(residual) for residual in fit.residuals], 1e-300)
-    covariance = fit.covariance[:parameters, :parameters]
     # Effects of friction share their joint's Fv and Fc: only the sum is friction.
     terms = [effect.term for effect in explanation.effects if effect.term.effect.part == "friction"]
     joints = {joint for term in terms for joint in term.columns}
     shared = [f"{kind}{joint + 1}" for joint in sorted(joints) for kind in ("Fv", "Fc")]
+    covariance = fit.covariance[:b, :b]
     return consistent_parameters(data.prepared, fit.values, covariance, rows, sigma, shared)

@@ -14,8 +14,7 @@ from bags.simulated_arms import SimulatedArm, arm2, arm6
 from idim_iv_ros.diagnosis.answer.causes import parametric_causes
 from idim_iv_ros.diagnosis.answer.explained import Explained, explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
-from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
-from idim_iv_ros.diagnosis.comparison.nominal_errors import errors_of_drives, errors_of_links
+from idim_iv_ros.diagnosis.comparison.ledger import errors_of_drives, errors_of_links, torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
 from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline

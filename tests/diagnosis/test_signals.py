@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bags.simulated_arms import SimulatedArm, arm2, arm6
-from idim_iv_ros.diagnosis.comparison.signals import CommonShift, TiltedMoments
+from idim_iv_ros.diagnosis.comparison.curves import CommonShift, TiltedMoments
 from idim_iv_ros.diagnosis.refit import turning_friction as friction
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.refit import refitted

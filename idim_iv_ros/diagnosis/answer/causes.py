@@ -7,9 +7,9 @@ import numpy as np
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.answer.explained import AssessedTerm, Explained
+from idim_iv_ros.diagnosis.comparison.curves import GainRipple
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.comparison.signals import SignalError
 from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.causes import (
@@ -42,14 +42,14 @@ def rivals_of(joints: Sequence[str], terms: Sequence[Term]) -> tuple[Indistingui
 
 
 def signal_notes(joints: Sequence[str], terms: Sequence[Term]) -> list[str]:
-    """What a report says of errors of the signals, which are no causes, and what they may be."""
+    """What a report says of gains that ripple, which are no causes, and what they may be."""
     notes = []
     for term in terms:
         effect = term.candidate.effect
-        if isinstance(effect, SignalError):
+        if isinstance(effect, GainRipple):
             joint = joints[term.place.joint]
             said = effect.note(joint, term.shape, term.coefficients, term.deviations)
-            notes.append(said and said + sentences.or_else(rivals_of(joints, [term])))
+            notes.append(said + sentences.or_else(rivals_of(joints, [term])))
     return notes
 
 
@@ -61,9 +61,8 @@ def structural_causes(
     `simulations`: gap of the simulated motion before and after each effect.
     """
     data, tested, causes = explanation.data, explanation.tested, []
-    for number, (judgement, simulation) in enumerate(
-        zip(explanation.effects, simulations, strict=True)
-    ):
+    pairs = zip(explanation.effects, simulations, strict=True)
+    for number, (judgement, simulation) in enumerate(pairs):
         term, place = judgement.term, judgement.term.place
         gap = tested.gap(number, place.joint, explanation.floors[place.joint].sigma)
         gain, helped, folds = tested.gains[number]
@@ -87,8 +86,7 @@ def structural_causes(
             simulation_gap=simulation,
             joint_gaps=(data.joint_change(place.joint, gap.before, gap.after),),
         )
-        meaning = term.effect.meaning(term.shape)
-        said = sentences.structural_cause(data, cause, meaning)
+        said = sentences.structural_cause(data, cause, term.effect.meaning(term.shape))
         causes.append(replace(cause, sentence=said))
     return causes
 
@@ -100,13 +98,10 @@ def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[Parame
     configuration itself leaves out. The gap is that of the nominal model beside the structural
     causes; errors are empty without a nominal model.
     """
-    data, ledger = explanation.data, explanation.selection.comparison.options.ledger
+    data, selection = explanation.data, explanation.selection
+    ledger, effects = selection.comparison.options.ledger, [e.term for e in explanation.effects]
     gap = list(ledger.gap)
-    for term in (
-        *(effect.term for effect in explanation.effects),
-        *explanation.selection.signals,
-        *explanation.selection.curves,
-    ):
+    for term in (*effects, *selection.signals, *selection.curves):
         gap = term.taken_from(gap)
     refit, first = _rms(refit_residuals(ledger, gap)), _rms(gap)
     left, before, causes = list(explanation.numbers), first, []
@@ -116,7 +111,7 @@ def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[Parame
 
     while left:
         judgement = min(left, key=without)  # takes most of the gap
-        left = [other for other in left if other is not judgement]
+        left.remove(judgement)
         gap = judgement.term.taken_from(gap)
         after = _rms(gap)
         causes.append(_parametric_cause(explanation, judgement, before, after))
@@ -125,10 +120,9 @@ def parametric_causes(explanation: Explained) -> tuple[list[Cause], tuple[Parame
         return causes, ()
     remaining = np.sqrt(np.maximum(before**2 - refit**2, 0.0))
     table = np.column_stack([first, before, refit, remaining, remaining / data.torque_sizes])
-    errors = zip(data.joints, table.tolist(), strict=True)
     return causes, tuple(
-        ParameterError(name, *numbers)
-        for joint, (name, numbers) in enumerate(errors)
+        ParameterError(name, *table[joint].tolist())
+        for joint, name in enumerate(data.joints)
         if joint not in data.left_out
     )
 
@@ -138,10 +132,7 @@ def _rms(gap: Sequence[FloatArray]) -> FloatArray:
 
 
 def _parametric_cause(
-    explanation: Explained,
-    judgement: AssessedTerm,
-    before: FloatArray,
-    after: FloatArray,
+    explanation: Explained, judgement: AssessedTerm, before: FloatArray, after: FloatArray
 ) -> Cause:
     """One wrong number, with the gap (n_joints,) before and after it is corrected, N m (N)."""
     term, effect = judgement.term, judgement.term.candidate.effect
@@ -149,13 +140,13 @@ def _parametric_cause(
     data, space, joint = explanation.data, explanation.selection.catalogue.space, term.key.joint
     name = None if joint is None else data.joints[joint]
     others = rivals_of(data.joints, [term])
-    if joint is not None and term.candidate.is_not_given(space):
+    if joint is not None and term.candidate in explanation.selection.catalogue.not_given:
         inseparable = effect.inseparable_from(space, joint)
         others = tuple(Indistinguishable(other, name, 1.0) for other in inseparable)
-    stages = enumerate(zip(before, after, strict=True))
+    changes = map(data.joint_change, range(len(data.joints)), before, after)
     changed = [
         change
-        for change in (data.joint_change(number, *stage) for number, stage in stages)
+        for change in changes
         if change.joint == name or abs(change.share_of_torque) >= settings.LEAST_PARAMETER_ERROR
     ]
     changed.sort(key=lambda change: (change.joint != name, -change.share_of_torque))
@@ -180,15 +171,9 @@ def _parametric_cause(
 
 def remaining(errors: Sequence[ParameterError], least: float) -> list[ParameterError]:
     """Joints with more than a share of torque in error that no cause names, the largest first."""
-    return sorted(
-        (
-            error
-            for error in errors
-            if error.share_of_torque > least
-            and error.named > settings.PARAMETER_ERROR_OVER_REFIT * error.refit
-        ),
-        key=lambda error: -error.share_of_torque,
-    )
+    factor = settings.PARAMETER_ERROR_OVER_REFIT
+    large = [e for e in errors if e.share_of_torque > least and e.named > factor * e.refit]
+    return sorted(large, key=lambda error: -error.share_of_torque)
 
 
 def hints_of(explanation: Explained) -> tuple[Hint, ...]:
@@ -230,7 +215,11 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     others.sort(key=lambda cause: -_taken(cause, data))
     places = [place for place, cause in enumerate(others) if cause.kind == "structural"]
     place = places[-1] + 1 if places else len(others)
-    if places and _most_evidence(laws) > _most_evidence([others[number] for number in places]):
+    evidence, of_others = (
+        max((cause.evidence.statistic for cause in some), default=0.0)
+        for some in (laws, [others[number] for number in places])
+    )
+    if places and evidence > of_others:
         place = places[0]
     ordered = [*others[:place], *laws, *others[place:]]
     return sorted(
@@ -238,17 +227,11 @@ def strongest_first(causes: Sequence[Cause], data: Baseline) -> list[Cause]:
     )
 
 
-def _most_evidence(group: Sequence[Cause]) -> float:
-    return max((cause.evidence.statistic for cause in group), default=0.0)
-
-
 def _taken(cause: Cause, data: Baseline) -> float:
     """Energy of the torque gap that a cause takes, as a share of the torque's, over its joints."""
     if cause.joint_gaps:
-        return sum(
-            float(np.sign(joint_gap.share_of_torque)) * joint_gap.share_of_torque**2
-            for joint_gap in cause.joint_gaps
-        )
+        shares = [change.share_of_torque for change in cause.joint_gaps]
+        return float(sum(share * abs(share) for share in shares))
     taken = cause.torque_gap.before**2 - cause.torque_gap.after**2
     joints = range(len(data.joints)) if cause.joint is None else [data.joints.index(cause.joint)]
     return taken / sum(float(data.torque_sizes[joint]) ** 2 for joint in joints)

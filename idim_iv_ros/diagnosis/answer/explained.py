@@ -4,24 +4,24 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.diagnosis import sentences, settings
-from idim_iv_ros.diagnosis.answer.numbers import parameters_of
-from idim_iv_ros.diagnosis.comparison.candidate import Key, Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
-from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor, Repeat, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.result.causes import Unexplained
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.diagnosis.where import above_noise
-from idim_iv_ros.effects.cause import EffectParameter
+from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.statistics.residuals import excess_kurtosis
@@ -29,6 +29,9 @@ from idim_iv_ros.types import FloatArray
 
 _LEAST_EVENT_ROWS = 200  # from which on events are looked for
 _MORE_STEPS = 2  # of the noise models, from those of the model before
+_SHAPE_STEP = 0.01  # of the number of a shape
+_USUAL_SHAPE = 1.0  # relative deviation of the numbers of a shape, before anything is recorded
+_COEFFICIENT_STEP = 1e-4  # of the coefficient
 NO_HELP = "it does not reduce the torque gap on data that it was not fitted to"
 _ON_TIME = "the effort of its joint is as late as those of the others"
 _NO_SIZE = "beside new values of all numbers its size may as well be zero"
@@ -88,10 +91,90 @@ class Explained:
         """With all effects."""
         return self.fits[-1]
 
-    def parameters_of(self, number: int) -> dict[str, EffectParameter]:
-        """Numbers of one of the effects that mean something to an engineer."""
+    def parameters_of(self, number: int) -> Parameters:
+        """Numbers of one of the effects that mean something to an engineer.
+
+        They have the coefficients that the effect has beside nominal errors. Deviations hold what
+        the shape leaves open. With it fixed, an excess of friction is known to a percent; a
+        Stribeck speed that is a little higher with less excess fits as well. The shape is moved a
+        little in every direction that the search may take, the change of the torque is fitted
+        beside everything else, and the covariance of all is carried over to the numbers that an
+        engineer reads. The search ends on a grid: how far the fit would still move a number counts
+        as its error, too.
+        """
         term, block = self.effects[number].term, self.regression.blocks[number]
-        return parameters_of(self.data, self.regression, self.fit, term, block)
+        inner = self.fit.coefficient_covariance[block, block]
+        fixed = np.sqrt(np.maximum(np.diag(inner), 0.0))
+        # Of what the refit has in its base parameters the search knows how precise it is.
+        fixed = np.where(fixed > 0.0, fixed, term.deviations)
+        numbers = term.effect.parameters(term.shape, term.coefficients, fixed)
+        near: dict[tuple[bool, ...], Shape] = {}  # one for each number, or those that move together
+        if term.effect.free_shape:
+            covered = self.data.covered[term.place.joint]
+            for other in term.effect.neighbours(term.shape, _SHAPE_STEP, covered):
+                moved = np.not_equal(other.numbers, term.shape.numbers)
+                if moved.any():
+                    near.setdefault(tuple(moved), other)
+        if not near:
+            return numbers
+        shapes = [term.shape, *near.values()]
+        covariance, further = self._with_free_shape(term, block, shapes)
+        slopes = _slopes(term, fixed, shapes)
+        variances = np.einsum("pi,ij,pj->p", slopes, covariance, slopes) + (slopes @ further) ** 2
+        return {
+            name: replace(number, std=float(np.sqrt(variance)) if variance > 0.0 else None)
+            for (name, number), variance in zip(numbers.items(), variances, strict=True)
+        }
+
+    def _with_free_shape(
+        self, term: Term, block: slice, shapes: Sequence[Shape]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Covariance of an effect's k coefficients beside m moves of its shape, (k + m, k + m).
+
+        And by how much the fit would still move each of them, (k + m,). `block`: the effect's
+        columns in the refit; `shapes`: that of the term, and it moved.
+        """
+        fit, effect = self.fit, term.effect
+        # Of the torque that the fit leaves to the model, as `knee` has it.
+        of_the_fit = with_parameters(self.data, fit.values) if effect.beyond_knee else self.data
+        here, *moved = rows_of(of_the_fit, effect, term.place, shapes)
+        changes = {
+            joint: np.column_stack([(rows[joint] - plain) @ term.coefficients for rows in moved])
+            for joint, plain in here.items()
+        }
+        wider = self.regression.with_columns(changes).fit(fit.noise_models, steps=0)
+        places = np.r_[block, len(fit.coefficients) : len(wider.coefficients)]
+        further = wider.coefficients[places]
+        further[: term.width] -= term.coefficients
+        covariance = wider.coefficient_covariance[np.ix_(places, places)]
+        # Directions that the recording leaves open end where sizes and shapes usually do.
+        usual = scipy.linalg.block_diag(
+            term.prior_root @ term.prior_root.T,
+            np.eye(len(moved)) * (_USUAL_SHAPE / _SHAPE_STEP) ** 2,
+        )
+        open_share = covariance @ np.linalg.pinv(covariance + usual)
+        return covariance - open_share @ covariance, further - open_share @ further
+
+
+def _slopes(term: Term, deviations: FloatArray, shapes: Sequence[Shape]) -> FloatArray:
+    """Change of each parameter (p, k + m) with each coefficient and with each move of the shape.
+
+    `shapes`: that of the term, and it moved.
+    """
+    coefficients = term.coefficients
+
+    def values(shape: Shape, coefficients: FloatArray) -> FloatArray:
+        numbers = term.effect.parameters(shape, coefficients, np.zeros(len(coefficients)))
+        return np.array([number.value for number in numbers.values()])
+
+    shape, *near = shapes
+    here = values(shape, coefficients)
+    sizes = np.maximum(np.maximum(np.abs(coefficients), deviations), 1e-12)
+    slopes = scipy.optimize.approx_fprime(
+        coefficients, lambda changed: values(shape, changed), _COEFFICIENT_STEP * sizes
+    )
+    moves = [values(other, coefficients) - here for other in near]
+    return np.column_stack([slopes.reshape(len(here), -1), *moves])
 
 
 def matters(term: Term) -> bool:
@@ -108,15 +191,14 @@ def explained(selection: Selection, on_time: Collection[tuple[str, int]] = ()) -
     the others are tested anew.
     """
     repeats = repeats_of(selection.catalogue.data)
-    judgements = [
-        replace(judgement, reason=judgement.reason or _ON_TIME)
-        if (judgement.term.key.effect, judgement.term.key.joint) in on_time
-        else judgement
-        for judgement in _assessed_terms(selection, repeats)
-    ]
+    assessed = _assessed_terms(selection, repeats)
+    idle = {one.term.key: _ON_TIME for one in assessed if one.term.key[:2] in on_time}
     while True:
-        explanation = _tested(selection, judgements, repeats)
-        idle: dict[Key, str] = {}
+        assessed = [
+            replace(one, reason=one.reason or idle.get(one.term.key, "")) for one in assessed
+        ]
+        explanation = _tested(selection, assessed, repeats)
+        idle = {}
         for number, effect in enumerate(explanation.effects):
             if not explanation.tested.helps(number, effect.term.place.joint):
                 idle[effect.term.key] = NO_HELP
@@ -124,10 +206,6 @@ def explained(selection: Selection, on_time: Collection[tuple[str, int]] = ()) -
                 idle[effect.term.key] = _NO_SIZE
         if not idle:
             return explanation
-        judgements = [
-            replace(judgement, reason=idle.get(judgement.term.key, judgement.reason))
-            for judgement in judgements
-        ]
 
 
 def _may_be_zero(explanation: Explained, number: int) -> bool:
@@ -139,36 +217,39 @@ def _may_be_zero(explanation: Explained, number: int) -> bool:
 
 
 def _tested(
-    selection: Selection, judgements: Sequence[AssessedTerm], repeats: Sequence[Repeat]
+    selection: Selection, assessed: Sequence[AssessedTerm], repeats: Sequence[Repeat]
 ) -> Explained:
-    """Fit the refit with the causes one after the other, and predict held-out rows."""
-    judgements = [
-        *_without_doubtful(selection, [term for term in judgements if not term.reason]),
-        *(term for term in judgements if term.reason),
-    ]
+    """Fit the refit with the causes one after the other, and predict held-out rows.
+
+    Causes have the numbers that they have where what is doubtful is left out.
+    """
+    catalogue, data = selection.catalogue, selection.catalogue.data
+    causes = [one for one in assessed if not one.reason]
+    alone = [*(cause.term for cause in causes), *selection.signals]
+    for number, term in enumerate(together(selection.comparison, alone)[: len(causes)]):
+        reason = catalogue.why_impossible(
+            term.candidate, term.shape, term.coefficients, term.deviations
+        )
+        causes[number] = replace(causes[number], term=term, reason=reason, outside=bool(reason))
     effects, numbers = (
-        tuple(term for term in judgements if not term.reason and term.term.candidate.kind is kind)
+        tuple(one for one in causes if not one.reason and one.term.candidate.kind is kind)
         for kind in (Kind.EFFECT, Kind.NUMBER)
     )
-    doubtful = tuple(term for term in judgements if term.reason)
-    data, space = selection.catalogue.data, selection.catalogue.space
+    doubtful = tuple(one for some in (causes, assessed) for one in some if one.reason)
     regression = data.regression
     fits = [regression.fitted]
     for effect in effects:
         regression = regression.with_columns(effect.term.columns)
         fits.append(regression.fit(fits[-1].noise_models, steps=_MORE_STEPS))
-    outside = (
-        *selection.curves,
-        *(d.term for d in doubtful if d.term.is_effect and d.outside),
-    )
+    outside = [d.term for d in doubtful if d.term.is_effect and d.outside]
+    outside = [*selection.curves, *outside]
     more = [term.columns for term in outside if matters(term)]
     more += [
         term.columns
         for term in selection.terms
-        if term.candidate.kind is Kind.SIGNAL or term.candidate.is_no_base_parameter(space)
+        if term.candidate.kind is Kind.SIGNAL
+        or term.candidate.is_no_base_parameter(catalogue.space)
     ]
-    not_given = _not_given(selection, [term.term for term in (*effects, *numbers)], fits[-1])
-    floors = noise_floors(data, fits[-1], repeats)
     tested = held_out(
         data,
         regression,
@@ -177,32 +258,19 @@ def _tested(
         repeats,
         interleaved=any(effect.term.effect.family == "time" for effect in effects),
     )
+    beside = [one.term for one in (*effects, *numbers)]
     return Explained(
         selection=selection,
         effects=effects,
-        numbers=(*numbers, *not_given),
+        numbers=(*numbers, *_not_given(selection, beside, fits[-1])),
         doubtful=doubtful,
-        outside=outside,
+        outside=tuple(outside),
         regression=regression,
         fits=tuple(fits),
         whole=regression.with_columns(*more).fit(fits[-1].noise_models) if more else fits[-1],
         tested=tested,
-        floors=tuple(floors),
+        floors=tuple(noise_floors(data, fits[-1], repeats)),
     )
-
-
-def _without_doubtful(selection: Selection, causes: Sequence[AssessedTerm]) -> list[AssessedTerm]:
-    """Give causes the numbers that they have where what is doubtful is left out."""
-    alone = [*(cause.term for cause in causes), *selection.signals]
-    terms = together(selection.comparison, alone)
-    catalogue = selection.catalogue
-    made = []
-    for cause, term in zip(causes, terms, strict=False):
-        reason = catalogue.why_impossible(
-            term.candidate, term.shape, term.coefficients, term.deviations
-        )
-        made.append(replace(cause, term=term, reason=reason, outside=bool(reason)))
-    return made
 
 
 def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[AssessedTerm, ...]:
@@ -213,7 +281,7 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
     """
     comparison, count = selection.comparison, len(fit.values)
     sizes = comparison.options.ledger.sizes
-    errors = ModelWithTerms(comparison.nominal, (*causes, *selection.signals)).errors
+    errors = comparison.with_terms((*causes, *selection.signals)).errors
     made = []
     for candidate in comparison.catalogue.not_given:
         directions = np.column_stack([change.direction[:count] for change in candidate.changes])
@@ -235,12 +303,8 @@ def _not_given(selection: Selection, causes: Sequence[Term], fit: Fit) -> tuple[
             coefficients=values,
             deviations=deviations,
             basis=np.eye(len(values)),
-            size=float(whole.max()),
             evidence=evidence,
-            presence=1.0,
             whole=whole,
-            visible=whole,
-            rivals=((candidate.key, 1.0),),
         )
         made.append(AssessedTerm(term, np.zeros(0), LIMITS[1], "", ""))
     return tuple(made)
@@ -251,22 +315,23 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
 
     Last those in whose place a free curve is likelier.
     """
-    terms = [
-        (number, term)
-        for number, term in enumerate(selection.terms)
-        if term.candidate.kind is not Kind.SIGNAL
-    ]
-    displaced = [
-        AssessedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier")
-        for term, curve in selection.displaced
-        for described in [sentences.nonparametric(selection.catalogue.data, curve)]
-    ]
-    if not terms:
+    displaced = []
+    for term, curve in selection.displaced:
+        described = sentences.nonparametric(selection.catalogue.data, curve)
+        displaced.append(AssessedTerm(term, np.zeros(0), 0.0, "", f"{described}, is likelier"))
+    if len(selection.terms) == len(selection.signals):
         return displaced
-    chosen = chosen_without(selection)
-    remaining = _beyond_noise(selection, repeats)
-    made = []
-    for number, term in terms:
+    data, chosen, made = selection.catalogue.data, chosen_without(selection), []
+    # What all terms leave beyond the noise floor, as a share of each joint's torque.
+    left = selection.comparison.with_terms(selection.terms).residuals
+    remaining = np.zeros(len(data.joints))
+    for joint, floor in enumerate(noise_floors(data, data.regression.fitted, repeats)):
+        if floor.sigma is not None:
+            square = float(np.mean(left[joint] ** 2)) - floor.sigma**2
+            remaining[joint] = np.sqrt(max(square, 0.0)) / data.torque_sizes[joint]
+    for number, term in enumerate(selection.terms):
+        if term.candidate.kind is Kind.SIGNAL:
+            continue
         values = features(selection, number, chosen, remaining)
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
@@ -279,21 +344,7 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
             reason = sentences.too_unsure(unsure, times)
         odds = probability(values, term.key.effect)
         made.append(AssessedTerm(term, values, odds, times, reason, outside, unsure))
-    made.sort(key=lambda judgements: -float(judgements.term.visible.max()))
-    return made + displaced
-
-
-def _beyond_noise(selection: Selection, repeats: Sequence[Repeat]) -> FloatArray:
-    """What all terms leave beyond the noise floor, as a share of each joint's torque."""
-    data = selection.catalogue.data
-    floors = noise_floors(data, data.regression.fitted, repeats)
-    ledger = selection.comparison.options.ledger
-    left = ModelWithTerms(selection.comparison.nominal, selection.terms).residuals
-    shares = []
-    for rest, floor, size in zip(left, floors, ledger.sizes, strict=True):
-        square = float(np.mean(rest**2)) - (floor.sigma or 0.0) ** 2
-        shares.append(0.0 if floor.sigma is None else np.sqrt(max(square, 0.0)) / size)
-    return np.array(shares)
+    return sorted(made, key=lambda one: -float(one.term.visible.max())) + displaced
 
 
 def _why_no_cause(term: Term, beyond: float) -> tuple[str, bool]:
@@ -329,9 +380,7 @@ def unexplained(explanation: Explained) -> Unexplained | None:
         # A function that leaves the events takes what follows from them: the law answers.
         both = _events(data, explanation.whole, joint) and _events(data, explanation.fit, joint)
         return both or _described(explanation, largest)
-    events = [
-        event for joint in loud if (event := _events(data, explanation.whole, joint)) is not None
-    ]
+    events = filter(None, (_events(data, explanation.whole, joint) for joint in loud))
     return max(events, key=lambda event: event.share, default=None)
 
 
@@ -348,14 +397,12 @@ def unexplained_residual(
     for joint, (name, floor) in enumerate(zip(data.joints, explanation.floors, strict=True)):
         rest = last.torque_rms[name]
         share = rest / data.torque_sizes[joint]
-        much = (
-            share > settings.UNEXPLAINED_OF_TORQUE
-            or rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
-        )
-        noise = floor.sigma
-        much = much and share >= settings.LEAST_NONPARAMETRIC and joint not in data.left_out
-        left = min(rest, float(np.std(explanation.whole.residuals[joint])))
-        if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise and much:
+        of_gap = rest > settings.UNEXPLAINED_OF_GAP * first.torque_rms[name]
+        much = share > settings.UNEXPLAINED_OF_TORQUE or of_gap
+        if not much or share < settings.LEAST_NONPARAMETRIC or joint in data.left_out:
+            continue
+        left, noise = min(rest, float(np.std(explanation.whole.residuals[joint]))), floor.sigma
+        if noise is not None and left > settings.UNEXPLAINED_OVER_NOISE * noise:
             missed.append((joint, rest, share, noise))
     return sorted(missed, key=lambda joint: -joint[2])
 

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
-from idim_iv_ros.diagnosis.comparison.nominal_errors import numbers_not_given
-from idim_iv_ros.diagnosis.comparison.signals import CommonShift, GainRipple, TiltedMoments
+from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC, SIGNALS
+from idim_iv_ros.diagnosis.comparison.ledger import numbers_not_given
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
 from idim_iv_ros.diagnosis.likelihood import Columns, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
@@ -78,13 +77,6 @@ class Candidate:
         rows = zip(self.changes, values.tolist(), deviations.tolist(), strict=True)
         return [Estimated(*row) for row in rows]
 
-    def is_not_given(self, space: ParameterSpace) -> bool:
-        """Whether it is a number of which the nominal model says nothing."""
-        effect, place = self.effect, self.place
-        if place is None or not isinstance(effect, ParametricEffect):
-            return False
-        return effect.is_not_given(space, place.joint)
-
     def is_no_base_parameter(self, space: ParameterSpace) -> bool:
         """Whether no base parameters make up for this number, such as a tilt of gravity."""
         return any(change.direction[len(space.given) :].any() for change in self.changes)
@@ -98,11 +90,6 @@ class Candidate:
         return {
             kind: (np.min(table, axis=0), np.max(table, axis=0)) for kind, table in alike.items()
         }
-
-    @property
-    def joints(self) -> tuple[int, ...]:
-        """Joints whose torque it moves."""
-        return tuple(sorted(self.lines))
 
 
 class Catalogue:
@@ -131,12 +118,16 @@ class Catalogue:
         self._hidden = frozenset(hidden)
         self._numbers = [] if data.prepared.why_no_given else self._parametric(without, still)
         self.not_given = tuple(
-            number for number in self._numbers if number.is_not_given(self.space)
+            number
+            for number in self._numbers
+            if isinstance(number.effect, ParametricEffect)
+            and number.place is not None
+            and number.effect.is_not_given(self.space, number.place.joint)
         )
         self.candidates = (
             *self._effects([e for e in STRUCTURAL if e.name not in without], Kind.EFFECT),
             *self._effects(NONPARAMETRIC, Kind.CURVE),
-            *self._effects([CommonShift(), TiltedMoments(), GainRipple()], Kind.SIGNAL),
+            *self._effects(SIGNALS, Kind.SIGNAL),
             *(number for number in self._numbers if number not in self.not_given),
         )
 
@@ -158,6 +149,7 @@ class Catalogue:
         """
         kinds = {Kind.EFFECT, Kind.CURVE} if scopes else {Kind.CURVE}
         effects = [candidate for candidate in self.candidates if candidate.kind in kinds]
+        shared = [e for e in effects if common is None or e.kind is Kind.CURVE or e.key in common]
         made = copy(self)
         estimate = self.data.estimate.linear.values
         made.space = replace(self.space, given=estimate, not_given=frozenset(), is_free=True)
@@ -165,11 +157,7 @@ class Catalogue:
         units = change_rows(self.data, made.space) if self._numbers else ()
         numbers = [replace(n, lines=_lines(units, n.changes)) for n in self._numbers]
         made.candidates = (
-            *(
-                effect
-                for effect in effects
-                if common is None or effect.kind is Kind.CURVE or effect.key in common
-            ),
+            *shared,
             *(candidate for candidate in self.candidates if candidate.kind is Kind.SIGNAL),
             *(n for n in numbers if n.is_no_base_parameter(self.space)),
             *(self._scoped(effect, scope) for scope in scopes for effect in effects),
@@ -195,24 +183,16 @@ class Catalogue:
         made = rows_of(self.data, effect, place, shapes)
         if not scope:
             return made
-        return [
-            {joint: rows * self._inside(joint, scope)[:, None] for joint, rows in columns.items()}
-            for columns in made
-        ]
+        inside = {joint: self._inside(joint, scope)[:, None] for joint in candidate.lines}
+        return [{joint: rows * inside[joint] for joint, rows in one.items()} for one in made]
 
     def made(self, effect: Effect, place: Place, shape: Shape) -> Columns | None:
         """Rows (r_j, w) that a candidate has of an effect in one shape; None where none has it."""
-        for candidate in self.candidates:
-            if (
-                candidate.effect is effect
-                and candidate.place == place
-                and shape in candidate.shapes
-            ):
-                first = candidate.shapes.index(shape) * candidate.width
-                lines = slice(first, first + candidate.width)
-                return {
-                    joint: table[lines].T.astype(float) for joint, table in candidate.lines.items()
-                }
+        for one in self.candidates:
+            if one.effect is effect and one.place == place and shape in one.shapes:
+                first = one.shapes.index(shape) * one.width
+                lines = slice(first, first + one.width)
+                return {joint: table[lines].T.astype(float) for joint, table in one.lines.items()}
         return None
 
     def _effects(self, effects: Sequence[Effect], kind: Kind) -> list[Candidate]:
@@ -255,20 +235,17 @@ class Catalogue:
     def _parametric(self, without: Collection[str], still: Collection[int]) -> list[Candidate]:
         units = change_rows(self.data, self.space)
         made = []
-        for effect in PARAMETRIC:
-            if effect.name in without:
-                continue
+        for effect in (effect for effect in PARAMETRIC if effect.name not in without):
             for joint in effect.places(self.space):
                 if joint in still or (effect.name, joint) in self._hidden:
                     continue
-                for variant in effect.variants(self.space, joint):
-                    lines = _lines(units, variant)
-                    if lines:
-                        place = None if joint is None else Place(joint)
-                        changes, shapes = tuple(variant), (Shape(),)
-                        kind, width = Kind.NUMBER, len(changes)
-                        made.append(Candidate(kind, effect, place, shapes, changes, lines, width))
-        return made
+                place = None if joint is None else Place(joint)
+                for changes in map(tuple, effect.variants(self.space, joint)):
+                    lines, one = _lines(units, changes), (Shape(),)
+                    made.append(
+                        Candidate(Kind.NUMBER, effect, place, one, changes, lines, len(changes))
+                    )
+        return [candidate for candidate in made if candidate.lines]
 
     def why_impossible(
         self,

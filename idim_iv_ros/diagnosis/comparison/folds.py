@@ -7,7 +7,7 @@ import numpy as np
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Key, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
+from idim_iv_ros.diagnosis.comparison.model_with_terms import NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import without_parts
 from idim_iv_ros.diagnosis.comparison.select import Selection, climb
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
@@ -50,32 +50,27 @@ def chosen_without(selection: Selection, part: IntArray | None = None) -> Chosen
     if part is None:
         count, folds = ledger.block_count, int(settings.FOLDS)
         part = np.arange(count) * folds // max(count, folds)
-    keys, gains = [], []
+    keys, gains, terms = [], [], selection.terms
+    without = [(*terms[:k], *terms[k + 1 :]) for k in range(len(terms))]
     parts = [part[block] for block in ledger.blocks]
     for fold, white in enumerate(without_parts(nominal.white, parts)):
         counted: list[BoolArray] = [number != fold for number in parts]
         fitted = Comparison(comparison.catalogue, NominalErrors(white, nominal.errors))
         keys.append(frozenset(term.key for term in climb(fitted, ())))
-        terms = selection.terms
-        whole = _loss(fitted, terms, selection, counted)
-        without = [(*terms[:k], *terms[k + 1 :]) for k in range(len(terms))]
-        gains.append([_loss(fitted, others, selection, counted) - whole for others in without])
+        whole, *losses = (_loss(fitted, some, selection, counted) for some in (terms, *without))
+        gains.append([loss - whole for loss in losses])
         del fitted  # before the next one is made
-    return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(selection.terms)))
+    return Chosen(tuple(keys), np.array(gains).reshape(len(keys), len(terms)))
 
 
 def _loss(
     fitted: Comparison, terms: tuple[Term, ...], selection: Selection, counted: list[BoolArray]
 ) -> float:
     """Half the energy of the whitened rows that are not counted, predicted from the others."""
-    model = ModelWithTerms(fitted.nominal, terms)
-    white = selection.comparison.nominal.white
-    energy = 0.0
+    energy, noise = 0.0, selection.comparison.nominal.white.noise
+    residuals = fitted.with_terms(terms).residuals
     for joint, rows in enumerate(fitted.options.ledger.joints):
-        rest = white.gap[joint] - white.model[joint] @ model.errors[rows.columns]
-        for term, block in zip(terms, model.blocks, strict=True):
-            if joint in term.columns:
-                table = white.noise[joint].standardized(term.columns[joint], rows.segments)
-                rest = rest - table @ model.coefficients[block]
-        energy += 0.5 * float(np.sum(rest[~counted[joint]] ** 2))
+        if not rows.left_out:
+            rest = noise[joint].standardized(residuals[joint], rows.segments)
+            energy += 0.5 * float(np.sum(rest[~counted[joint]] ** 2))
     return energy

@@ -130,9 +130,7 @@ class NominalErrors:
         self.explained = self.root.T @ right
         gaps = {joint: rows[:, None] for joint, rows in enumerate(white.gap)}
         self.gap_lines = self.lines_net_of_errors(gaps, (self.root @ self.explained)[:, None])[0]
-        self.level = 0.5 * float(self.explained @ self.explained) - 0.5 * float(
-            np.sum(np.log1p(values))
-        )
+        self.level = 0.5 * float(self.explained @ self.explained - np.sum(np.log1p(values)))
         self.projected = white.shared @ self.root  # (p, k)
         score = white.score - self.projected @ self.explained
         self.basis, self.inner, self.score, self.raw = {}, {}, {}, {}
@@ -149,10 +147,7 @@ class NominalErrors:
             visible = inner_torque + 0.5 * (change + change.transpose(0, 2, 1))
             number = options.is_number[which]
             visible[number] = inner_torque[number]
-            energy, directions = np.linalg.eigh(visible)
-            whole = np.trace(inner_torque, axis1=1, axis2=2)
-            energy = np.maximum(energy, 1e-5 * whole[:, None] / w + 1e-30)
-            basis = directions / np.sqrt(energy * w)[:, None, :]
+            basis = unit_basis(visible, np.trace(inner_torque, axis1=1, axis2=2))
             turned = basis.transpose(0, 2, 1)
             self.basis[w] = basis
             self.torque_of_joints[which] = _shares(inner_torques, w, basis)
@@ -209,6 +204,18 @@ class NominalErrors:
             white = self.white.columns(self.columns(option))
             self._lines[option] = self.lines_net_of_errors(white, self.moved(option))
         return self._lines[option]
+
+
+def unit_basis(inner: FloatArray, whole: FloatArray) -> FloatArray:
+    """Coefficients (…, w, w) of torques of unit size, which are at right angles.
+
+    `inner` (…, w, w): products of columns, shares of the torque squared; `whole` (…): energy of
+    which a small part is the least that a direction has.
+    """
+    energy, directions = np.linalg.eigh(inner)
+    w = energy.shape[-1]
+    energy = np.maximum(energy, 1e-5 * whole[..., None] / w + 1e-30)
+    return np.asarray(directions / np.sqrt(energy * w)[..., None, :])
 
 
 def _shares(by_joint: Sequence[dict[int, FloatArray]], w: int, basis: FloatArray) -> FloatArray:
@@ -306,8 +313,7 @@ class ModelWithTerms:
     @cached_property
     def coefficients(self) -> FloatArray:
         """(q,) of all terms together."""
-        root, score, _ = self._solved
-        return np.asarray(root @ (root.T @ score))
+        return self._taken(self._solved[1])
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -345,11 +351,9 @@ class ModelWithTerms:
     def options_left(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Products (m_w, w, w) and scores (m_w, w) of the options of each width, unit size."""
         nominal = self.nominal
-        if not self.terms:
-            return {w: (nominal.inner[w], nominal.score[w]) for w in nominal.inner}
+        made = {}
         root, score, _ = self._solved
         taken = root.T @ score
-        made = {}
         for w in nominal.inner:
             crossed = np.zeros((len(nominal.inner[w]), w, len(taken)))
             for products, block in zip(self._products, self.blocks, strict=True):
@@ -363,14 +367,13 @@ class ModelWithTerms:
     @cached_property
     def residuals(self) -> list[FloatArray]:
         """(r_j,) what the model leaves at each joint, N m (N)."""
-        gap = dict(enumerate(self.nominal.options.ledger.gap))
-        return self._left(gap, self.errors, self.coefficients)
+        gap, alone = self.nominal.options.ledger.gap, self.nominal.root @ self.nominal.explained
+        return self.uncovered(alone, dict(enumerate(gap)), self._solved[1])
 
     @cached_property
     def white_residual(self) -> FloatArray:
         """(r,) what the model leaves, whitened, all joints one after the other."""
-        taken = self.coefficients.astype(np.float32) @ self._lines
-        return np.asarray(self.nominal.gap_lines - taken)
+        return self.lines_left(self.nominal.gap_lines, self._solved[1])
 
     @cached_property
     def _lines(self) -> FloatArray:
@@ -379,12 +382,8 @@ class ModelWithTerms:
         return np.vstack([none, *(products.lines(self.nominal) for products in self._products)])
 
     def lines_left(self, lines: FloatArray, crossed: FloatArray) -> FloatArray:
-        """Columns (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
+        """Lines (w, r) beside the nominal errors, less terms with products `crossed` (w, q)."""
         return np.asarray(lines - self._taken(crossed).T.astype(np.float32) @ self._lines)
-
-    def option_left(self, option: int) -> FloatArray:
-        """Whitened columns (w, r) of an option, of unit size, less what the model takes of them."""
-        return self.lines_left(self.nominal.option_lines(option), self.crossed(option))
 
     def _taken(self, crossed: FloatArray) -> FloatArray:
         """(q, w) coefficients of the terms beside columns with products `crossed` (w, q)."""
@@ -394,19 +393,13 @@ class ModelWithTerms:
     def uncovered(
         self, moved: FloatArray, columns: Mapping[int, FloatArray], crossed: FloatArray
     ) -> list[FloatArray]:
-        """Columns (r_j, w) of an option less what errors and terms take of them, N m (N).
+        """Columns (r_j, w) of an option, or the gap, less what errors and terms take, N m (N).
 
         `moved`: (b, w) nominal errors beside a unit of each column; `crossed`: (w, q) products with
         the terms beside the nominal errors.
         """
-        taken = self._taken(crossed)
-        return self._left(columns, moved + self._moved @ taken, taken)
-
-    def _left(
-        self, columns: Mapping[int, FloatArray], errors: FloatArray, taken: FloatArray
-    ) -> list[FloatArray]:
-        """Columns (r_j, …) by joint less errors (b, …) of the numbers and terms (q, …)."""
-        made = []
+        taken, made = self._taken(crossed), []
+        errors = moved + self._moved @ taken
         for joint, rows in enumerate(self.nominal.options.ledger.joints):
             rest = columns.get(joint, 0.0) - rows.matrix @ errors[rows.columns]
             for term, block in zip(self.terms, self.blocks, strict=True):

@@ -14,43 +14,9 @@ from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _AT_ONCE = 128  # columns that are whitened together
-_NOTHING = 0.5  # prior probability that there is nothing more
+_SOMETHING = 0.5  # prior probability that there is something more
+LOG_NOTHING = float(np.log(1.0 - _SOMETHING))
 _SHAPES_OF_PRIOR = 5  # more shapes than these cost no presence
-
-
-class Prior:
-    """Prior probability of every option: of its effect, its place, its shape."""
-
-    def __init__(self, options: "Options") -> None:
-        names: dict[tuple[str, Scope], list[int]] = {}
-        weight = np.zeros(len(options.keys))
-        for number, key in enumerate(options.keys):
-            first = options.candidates[options.candidate[options.key == number][0]]
-            curve = first.kind is Kind.CURVE
-            weight[number] = settings.PRIOR_OF_CURVE if curve else first.effect.prior_weight
-            name = "a free curve" if curve else key.effect
-            names.setdefault((name, key.scope), []).append(number)
-        for numbers in names.values():
-            weight[numbers] /= len(numbers)
-        weight *= (1.0 - _NOTHING) / weight.sum()
-        shapes = np.bincount(options.key, minlength=len(options.keys))
-        self.log = np.log(weight[options.key] / shapes[options.key])
-        self.of_presence = self.log + np.log(np.minimum(shapes[options.key], _SHAPES_OF_PRIOR))
-        self.nothing = float(np.log(_NOTHING))
-        candidates = zip(options.candidate, self.log, strict=True)
-        self._of_option = {options.candidates[int(k)]: float(log) for k, log in candidates}
-        self._of_key = {
-            options.keys[number]: float(value)
-            for number, value in zip(options.key, self.of_presence, strict=True)
-        }
-
-    def of_candidate(self, candidate: Candidate) -> float:
-        """Logarithm of the prior probability of one of the shapes of a candidate."""
-        return self._of_option[candidate]
-
-    def odds_of_presence(self, key: Key) -> float:
-        """Logarithm of the prior odds of an effect at a place against nothing more."""
-        return self._of_key[key] - self.nothing
 
 
 class Options:
@@ -87,9 +53,34 @@ class Options:
         self.is_number: BoolArray = np.array([kind is Kind.NUMBER for kind in kinds])
 
     @cached_property
-    def prior(self) -> Prior:
-        """What is likely of every option before anything is recorded."""
-        return Prior(self)
+    def log_prior(self) -> FloatArray:
+        """Logarithm of the prior probability of every option: of its effect, place and shape."""
+        names: dict[tuple[str, Scope], list[int]] = {}
+        weight = np.zeros(len(self.keys))
+        for number, key in enumerate(self.keys):
+            first = self.candidates[self.candidate[self.key == number][0]]
+            curve = first.kind is Kind.CURVE
+            weight[number] = settings.PRIOR_OF_CURVE if curve else first.effect.prior_weight
+            name = "a free curve" if curve else key.effect
+            names.setdefault((name, key.scope), []).append(number)
+        for numbers in names.values():
+            weight[numbers] /= len(numbers)
+        weight *= _SOMETHING / weight.sum()
+        return np.asarray(np.log(weight[self.key] / self._shapes))
+
+    @cached_property
+    def log_presence(self) -> FloatArray:
+        """Logarithm of that of its effect at its place, whatever the shape."""
+        return np.asarray(self.log_prior + np.log(np.minimum(self._shapes, _SHAPES_OF_PRIOR)))
+
+    @property
+    def _shapes(self) -> IntArray:
+        """How many options the effect and place of each option have."""
+        return np.asarray(np.bincount(self.key)[self.key])
+
+    def odds_of_presence(self, key: Key) -> float:
+        """Logarithm of the prior odds of an effect at a place against nothing more."""
+        return float(self.log_presence[self.key == self.keys.index(key)][0]) - LOG_NOTHING
 
     @cached_property
     def torques(self) -> tuple[list[dict[int, FloatArray]], FloatArray, FloatArray]:
@@ -99,7 +90,7 @@ class Options:
             flat = AutoregressiveModel(np.zeros(0), max(len(rows), 1) * float(size) ** 2)
             noise.append(RowNoise(flat, np.ones(len(rows))))
             model.append(flat.standardized(rows.matrix, rows.segments))
-        return self.inner_by_joint(noise), *self.products_with_model(model, noise)
+        return self.inner_products(noise), *self.products_with_model(model, noise)
 
     def named(self, option: int) -> tuple[Candidate, Shape]:
         """Candidate and shape of an option."""
@@ -107,12 +98,14 @@ class Options:
         return candidate, candidate.shapes[self.shape[option]]
 
     def inner_products(
-        self, noise: Sequence[RowNoise], parts: Sequence[IntArray]
+        self, noise: Sequence[RowNoise], parts: Sequence[IntArray] | None = None
     ) -> list[dict[int, FloatArray]]:
         """Products (m_w, w, w) of the whitened columns of each option, over all joints, by part.
 
-        `parts`: part (r_j,) that each row of a joint belongs to.
+        `parts`: part (r_j,) that each row of a joint belongs to; None: the joint itself.
         """
+        if parts is None:
+            parts = [np.full(len(rows), j) for j, rows in enumerate(self.ledger.joints)]
         count = 1 + max(int(part.max(initial=0)) for part in parts)
         made = [
             {w: np.zeros((len(which), w, w)) for w, which in self.of_width.items()}
@@ -127,13 +120,11 @@ class Options:
                 rows = rows.reshape(stop - start, w, -1)
                 places = slice(first + start, first + stop)
                 for k in np.unique(parts[joint]):
-                    made[k][w][self.place[places]] += _dots(rows[:, :, parts[joint] == k])
+                    some = rows[:, :, parts[joint] == k]
+                    # As a product of long and narrow matrices they take ten times as long.
+                    dots = some[:, :, None, None] @ some[:, None, :, :, None]
+                    made[k][w][self.place[places]] += dots[:, :, :, 0, 0]
         return made
-
-    def inner_by_joint(self, noise: Sequence[RowNoise]) -> list[dict[int, FloatArray]]:
-        """Products (m_w, w, w) of the whitened columns of each option, one for each joint."""
-        joints = [np.full(len(rows), joint) for joint, rows in enumerate(self.ledger.joints)]
-        return self.inner_products(noise, joints)
 
     def _tables(self) -> Iterator[tuple[int, int, SingleArray, int]]:
         """Yield the lines of every candidate at every joint that counts: (joint, first, lines, w).
@@ -146,41 +137,38 @@ class Options:
                 if not self.ledger.joints[joint].left_out:
                     yield joint, first, lines, candidate.width
 
-    def products(self, noise: Sequence[RowNoise], right: Sequence[FloatArray]) -> FloatArray:
-        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q) of each joint."""
-        made = np.zeros((self.count, right[0].shape[1]))
-        drawn = self._drawn_back(noise, right)
-        single = [rows.astype(np.float32) if rows.any() else None for rows in drawn]
+    def products(
+        self,
+        noise: Sequence[RowNoise],
+        right: Sequence[FloatArray],
+        places: Sequence[IntArray] | None = None,
+    ) -> FloatArray:
+        """Products (p, q) of all columns, whitened, with whitened rows (r_j, q_j) of each joint.
+
+        `places`: parameters of the model that the rows are of; None: q columns at every joint.
+        """
+        q = right[0].shape[1] if places is None else self.ledger.parameters
+        made = np.zeros((self.count, q))
+        single = [
+            one.drawn_back(table, joint.segments).astype(np.float32) if table.any() else None
+            for one, table, joint in zip(noise, right, self.ledger.joints, strict=True)
+        ]
         for joint, first, table, _ in self._tables():
             rows = single[joint]
             if rows is not None:
-                start = self.first[first]
-                made[start : start + len(table)] += table @ rows
+                lines = slice(self.first[first], self.first[first] + len(table))
+                made[lines, slice(None) if places is None else places[joint]] += table @ rows
         return made
 
     def products_with_model(
         self, model: Sequence[FloatArray], noise: Sequence[RowNoise]
     ) -> tuple[FloatArray, FloatArray]:
         """XᵀX (b, b) of the whitened model (r_j, c_j), and all whitened columns with X (p, b)."""
-        b = self.ledger.parameters
-        normal, shared = np.zeros((b, b)), np.zeros((self.count, b))
+        normal = np.zeros((self.ledger.parameters, self.ledger.parameters))
         places = [joint.columns for joint in self.ledger.joints]
         for rows, columns in zip(model, places, strict=True):
             normal[np.ix_(columns, columns)] += rows.T @ rows
-        drawn = [rows.astype(np.float32) for rows in self._drawn_back(noise, model)]
-        for joint, first, table, _ in self._tables():
-            start = self.first[first]
-            shared[start : start + len(table), places[joint]] += table @ drawn[joint]
-        return normal, shared
-
-    def _drawn_back(
-        self, noise: Sequence[RowNoise], rows: Sequence[FloatArray]
-    ) -> list[FloatArray]:
-        """Wᵀ rows (r_j, q), of what differs from zero."""
-        return [
-            one.drawn_back(table, joint.segments) if table.any() else table
-            for one, table, joint in zip(noise, rows, self.ledger.joints, strict=True)
-        ]
+        return normal, self.products(noise, model, places)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +217,7 @@ def whitened(options: Options, noise: Sequence[RowNoise]) -> Whitened:
         model.append(both[:, :-1])
         gap.append(both[:, -1])
     normal, shared = options.products_with_model(model, noise)
-    by_joint = options.inner_by_joint(noise)
+    by_joint = options.inner_products(noise)
     return Whitened(
         options=options,
         noise=tuple(noise),
@@ -257,11 +245,3 @@ def without_parts(white: Whitened, parts: Sequence[IntArray]) -> Iterator[Whiten
         yield replace(
             white, model=model, gap=gap, counted=kept, normal=normal, shared=shared, inner=left
         )
-
-
-def _dots(rows: FloatArray) -> FloatArray:
-    """Products (m, w, w) of rows (m, w, r) with those of the same option, each as one dot product.
-
-    As a product of long and narrow matrices they take ten times as long.
-    """
-    return np.asarray((rows[:, :, None, None] @ rows[:, None, :, :, None])[:, :, :, 0, 0])

@@ -8,10 +8,9 @@ from scipy.special import softmax
 
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Term
-from idim_iv_ros.diagnosis.likelihood import Columns
+from idim_iv_ros.diagnosis.comparison.model_with_terms import Term, unit_basis
+from idim_iv_ros.diagnosis.likelihood import width_of
 from idim_iv_ros.effects.effect import Shape
-from idim_iv_ros.types import FloatArray
 
 _STEPS = (0.3, 0.15, 0.07)  # relative, of the numbers of a shape
 _MOVES = 4  # at most, of one step
@@ -26,17 +25,14 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
         if term.shape.numbers:
             kept[number] = _refined(comparison, kept, number)
             kept[number] = _likeliest_name(comparison, kept, number)
-    kept = [
-        comparison.weighed(term, [*kept[:number], *kept[number + 1 :]])
-        for number, term in enumerate(kept)
-    ]
-    return together(comparison, kept)
+    others = [[*kept[:number], *kept[number + 1 :]] for number in range(len(kept))]
+    return together(comparison, list(map(comparison.weighed, kept, others)))
 
 
 def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
     term = terms[number]
     effect, covered = term.effect, comparison.catalogue.data.covered[term.place.joint]
-    highest = ModelWithTerms(comparison.nominal, tuple(terms)).level
+    highest = comparison.with_terms(terms).level
     for step in _STEPS:
         for _ in range(_MOVES):
             near = effect.neighbours(term.shape, step, covered)
@@ -56,20 +52,21 @@ def _likeliest_name(comparison: Comparison, terms: Sequence[Term], number: int) 
 
     So it is with a torque and a gain of the effort that ripple over the position.
     """
-    term, prior = terms[number], comparison.prior
-    options = [(ModelWithTerms(comparison.nominal, tuple(terms)).level + term.log_prior, term)]
-    for candidate in comparison.options.candidates:
+    term, compared = terms[number], comparison.options
+    options = [(comparison.with_terms(terms).level + term.log_prior, term)]
+    for which, candidate in enumerate(compared.candidates):
         alike = type(candidate.shapes[0]) is type(term.shape) and candidate.key != term.key
         if not alike or (candidate.place, candidate.scope) != (term.place, term.candidate.scope):
             continue
-        other = replace(term, candidate=candidate, log_prior=prior.of_candidate(candidate))
+        log_prior = float(compared.log_prior[compared.candidate == which][0])
+        other = replace(term, candidate=candidate, log_prior=log_prior)
         others = [*terms[:number], other, *terms[number + 1 :]]
         best = _best_of(comparison, others, number, [term.shape], anew=True)
         if best is not None:
             others[number] = best[1]
             other = _refined(comparison, others, number)
             others[number] = other
-            level = ModelWithTerms(comparison.nominal, tuple(others)).level
+            level = comparison.with_terms(others).level
             options.append((level + other.log_prior, other))
     levels = np.array([level for level, _ in options])
     likeliest = options[int(np.argmax(levels))][1]
@@ -97,16 +94,20 @@ def _best_of(
     for shape, columns in zip(shapes, catalogue.columns_of(term.candidate, shapes), strict=True):
         if not all(np.isfinite(table).all() for table in columns.values()):
             continue
-        width = next(iter(columns.values())).shape[1]
+        width, basis = width_of(columns), term.basis
+        if anew or width != term.width:
+            sizes = comparison.options.ledger.sizes
+            of_joints = [t.T @ t / (len(t) * sizes[joint] ** 2) for joint, t in columns.items()]
+            inner = np.sum(of_joints, axis=0)
+            basis = unit_basis(inner, np.trace(inner))
         other = replace(
             term,
             shape=shape,
             columns=dict(columns),
-            basis=_unit_torque(comparison, columns) if anew or width != term.width else term.basis,
+            basis=basis,
             coefficients=np.zeros(width),
         )
-        trial = [*terms[:number], other, *terms[number + 1 :]]
-        model = ModelWithTerms(comparison.nominal, tuple(trial))
+        model = comparison.with_terms([*terms[:number], other, *terms[number + 1 :]])
         values = model.coefficients[model.blocks[number]]
         if catalogue.why_impossible(term.candidate, shape, values, values):
             continue
@@ -128,28 +129,13 @@ def _within_grid(term: Term, shape: Shape) -> bool:
     return bool(np.all(inside & (ratio <= 1.0 + _BEYOND_GRID)))
 
 
-def _unit_torque(comparison: Comparison, columns: Columns) -> FloatArray:
-    """(w, w) coefficients of torques of unit size."""
-    ledger = comparison.options.ledger
-    inner = sum(
-        table.T @ table / (len(table) * ledger.sizes[joint] ** 2)
-        for joint, table in columns.items()
-    )
-    energy, directions = np.linalg.eigh(np.atleast_2d(inner))
-    energy = np.maximum(energy, 1e-5 * float(energy.sum()) / len(energy) + 1e-30)
-    return np.asarray(directions / np.sqrt(energy * len(energy)))
-
-
 def together(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     """Terms with the coefficients, deviations and shares that they have beside one another."""
-    model = ModelWithTerms(comparison.nominal, tuple(terms))
-    ledger = comparison.options.ledger
+    model = comparison.with_terms(terms)
     made = []
     for term, part in zip(terms, model.blocks, strict=True):
         values = model.coefficients[part]
         spread = np.sqrt(np.diag(model.covariance)[part] * term.dispersion)
-        whole = np.zeros(len(ledger.sizes))
-        for joint, table in term.columns.items():
-            whole[joint] = ledger.share(joint, table @ values)
+        whole = comparison.options.ledger.shares(term.columns, values)
         made.append(replace(term, coefficients=values, deviations=spread, whole=whole))
     return tuple(made)

@@ -6,7 +6,7 @@ from each single one of the rest. The nominal errors have a relative size for li
 drives: the one that makes the whole likelier, each size with a set of its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from operator import itemgetter
@@ -18,9 +18,8 @@ from idim_iv_ros.compilation import return_freed_memory
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
-from idim_iv_ros.diagnosis.comparison.ledger import Ledger, noise_of
+from idim_iv_ros.diagnosis.comparison.ledger import RELATIVE_ERRORS, Ledger, noise_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
-from idim_iv_ros.diagnosis.comparison.nominal_errors import RELATIVE_ERRORS
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -64,7 +63,7 @@ class Selection:
     @property
     def model(self) -> ModelWithTerms:
         """The nominal errors with the terms and the curves."""
-        return ModelWithTerms(self.comparison.nominal, (*self.terms, *self.curves))
+        return self.comparison.with_terms((*self.terms, *self.curves))
 
 
 def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
@@ -84,15 +83,14 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
             terms = climb(comparison, terms)
         terms = refined(comparison, terms)
         if visit < _NOISE_VISITS - 1:
-            model = ModelWithTerms(comparison.nominal, terms)
-            noise = noise_of(ledger, model.residuals)
-            del white, comparison, model  # products of all options would be there twice
-    curves: list[Term] = []
+            noise = noise_of(ledger, comparison.with_terms(terms).residuals)
+            del white, comparison  # products of all options would be there twice
     displaced: list[tuple[Term, Term]] = []
+    curves: list[Term] = []
     while (swap := _curve_in_place(comparison, terms, curves)) is not None:
         terms = tuple(term for term in terms if term is not swap[0])
-        curves.append(swap[1])
         displaced.append(swap)
+        curves.append(swap[1])
     if displaced:
         terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:
@@ -121,8 +119,7 @@ def _curve_in_place(
         curve = comparison.curve(others, term)
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
-        explained = usual - comparison.objective(others)
-        missed = settings.MISFIT_OF_OTHERS**2 * max(explained, 0.0)
+        missed = settings.MISFIT_OF_OTHERS**2 * max(usual - comparison.objective(others), 0.0)
         gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT - missed
         if gain > most and curve.place.joint == term.place.joint:
             best, most = (term, curve), gain
@@ -160,12 +157,12 @@ def refit_residuals(
 
     `counted`: rows (r_j,) that are fitted; None: all.
     """
-    shares: list[FloatArray] = []
-    for rows, left, size in zip(ledger.joints, gap, ledger.sizes, strict=True):
+    shares = []
+    for joint, (rows, size) in enumerate(zip(ledger.joints, ledger.sizes, strict=True)):
         table = np.zeros((len(rows), ledger.parameters + 1))
         table[:, rows.columns] = rows.matrix / size
-        table[:, -1] = left / size
-        shares.append(table if counted is None else table[counted[len(shares)]])
+        table[:, -1] = gap[joint] / size
+        shares.append(table if counted is None else table[counted[joint]])
     whole = np.asarray(np.linalg.qr(np.vstack(shares), mode="r"))
     norms = np.linalg.norm(whole[:, :-1], axis=0)
     norms[norms == 0.0] = 1.0
@@ -178,12 +175,8 @@ def refit_residuals(
 
 def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparison, Terms]:
     """Climb from small and from likely nominal errors, and again where others are likelier."""
-
-    def comparison(errors: tuple[float, float]) -> Comparison:
-        return Comparison(catalogue, NominalErrors(white, errors))
-
     if not white.options.ledger.nominal:
-        only = comparison((1.0, 1.0))
+        only = Comparison(catalogue, NominalErrors(white, (1.0, 1.0)))
         return only, climb(only, ())
     starts = [likeliest_errors(white, ())]
     starts += [(size, size) for size in RELATIVE_ERRORS[:2]]
@@ -194,7 +187,7 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         if errors in tried:
             continue
         tried.add(errors)
-        this = comparison(errors)
+        this = Comparison(catalogue, NominalErrors(white, errors))
         # From nothing, and from what is best so far, which other errors may have led to.
         starts_of_terms: list[Terms] = [()] if best is None else [(), best[2]]
         grown = [_grown(this, start) for start in starts_of_terms]
@@ -202,7 +195,7 @@ def _with_likely_errors(catalogue: Catalogue, white: Whitened) -> tuple[Comparis
         value = reached + _usual(errors, terms)
         if not _is_full(terms) or best is None or value > best[0] - _WITHIN_RESTARTS:
             # Fewer terms may be taken for misfit of many: that says nothing of the errors.
-            restarted, terms = _restarts(this, (reached, terms))
+            restarted, terms = _restarted(this, (reached, terms))
             value = max(reached, restarted) + _usual(errors, terms)
         if len(tried) < _MOST_ERRORS:
             starts.append(likeliest_errors(white, terms))
@@ -258,56 +251,49 @@ def likeliest_errors(white: Whitened, terms: Sequence[Term]) -> tuple[float, flo
 
 def climb(comparison: Comparison, start: Sequence[Term]) -> Terms:
     """The set of the highest objective that growing and restarting reach."""
-    return _restarts(comparison, _grown(comparison, tuple(start)))[1]
+    return _restarted(comparison, _grown(comparison, tuple(start)))[1]
 
 
-def _restarts(comparison: Comparison, best: Grown) -> Grown:
-    """The best of a set that has grown and those that restarts reach."""
-    reached: dict[frozenset[object], Grown] = {}
+def _restarted(comparison: Comparison, best: Grown) -> Grown:
+    """The best of a set that has grown and those that restarts reach; of fewer, as good a one."""
+    reached: dict[frozenset[object], Grown] = {}  # by the starts that were tried
     for _ in range(_RESTARTS):
-        better = _restarted(comparison, best, reached)
-        if better is None:
-            break
-        best = better
-    return best
-
-
-def _restarted(
-    comparison: Comparison, best: Grown, reached: dict[frozenset[object], Grown]
-) -> Grown | None:
-    """A better set that grows without one of the terms; the best of fewer may be as good.
-
-    `reached`: by the starts that were tried.
-    """
-    value, terms = best
-    simpler: Grown | None = None
-    if len(terms) < 2:
-        return None
-    for term in sorted(terms, key=lambda term: float(term.visible.max())):
-        rest = tuple(other for other in terms if other is not term)
-        alone = ((other,) for other in rest if len(rest) > 1)
-        for start in (rest, *_with_other_numbers(comparison, rest), *alone):
+        value, terms = best
+        simpler: list[Grown] = []
+        for start in _starts(comparison, terms):
             state = _state(start)
             if state not in reached:
                 reached[state] = _grown(comparison, start)
             new, others = reached[state]
             if new > value:
-                return new, others
-            fewer = len(others) < len(terms) and (simpler is None or new > simpler[0])
-            if fewer and new > value - _tolerance(comparison, terms, others):
-                simpler = new, others
-    return simpler
+                best = new, others
+                break
+            if len(others) < len(terms) and new > value - _tolerance(comparison, terms, others):
+                simpler.append((new, others))
+        else:
+            if not simpler:
+                break
+            best = max(simpler, key=itemgetter(0))
+    return best
 
 
-def _with_other_numbers(comparison: Comparison, terms: Terms) -> list[Terms]:
-    """The same with other numbers of one effect: what has left may have been made up by them."""
-    made: list[Terms] = []
-    for place, term in enumerate(terms):
-        others = (*terms[:place], *terms[place + 1 :])
-        sets = [(*others, other) for other in comparison.other_numbers(term, others)]
-        if sets:
-            made.append(max(sets, key=comparison.objective))
-    return made
+def _starts(comparison: Comparison, terms: Terms) -> Iterator[Terms]:
+    """Yield what is left without a term, that with other numbers, and single ones of it.
+
+    What has left may have been made up by the numbers of one of the others.
+    """
+    if len(terms) < 2:
+        return
+    for term in sorted(terms, key=lambda term: float(term.visible.max())):
+        rest = tuple(other for other in terms if other is not term)
+        yield rest
+        for place, changed in enumerate(rest):
+            others = (*rest[:place], *rest[place + 1 :])
+            sets = [(*others, other) for other in comparison.other_numbers(changed, others)]
+            if sets:
+                yield max(sets, key=comparison.objective)
+        if len(rest) > 1:
+            yield from ((other,) for other in rest)
 
 
 def _grown(comparison: Comparison, terms: Terms) -> Grown:
@@ -353,13 +339,10 @@ def _is_full(terms: Sequence[Term]) -> bool:
 def _tolerance(comparison: Comparison, terms: Terms, others: Terms) -> float:
     """Evidence that misfit may make at the joints of the terms that stay."""
     kept = _state(others)
-    gone = {j for t in terms if t.identity not in kept for j in t.candidate.joints}
-    stay = {j for t in others for j in t.candidate.joints}
-    model = ModelWithTerms(comparison.nominal, terms)
-    gaps = comparison.nominal.white.gap
-    left = np.split(model.white_residual, np.cumsum([len(gap) for gap in gaps])[:-1])
-    explained = 0.0
-    for joint in gone & stay:
-        gap = gaps[joint]
-        explained += 0.5 * max(float(gap @ gap - left[joint] @ left[joint]), 0.0)
+    gone = {joint for term in terms if term.identity not in kept for joint in term.columns}
+    stay = {joint for term in others for joint in term.columns}
+    gaps, residual = comparison.nominal.white.gap, comparison.with_terms(terms).white_residual
+    left = np.split(residual, np.cumsum([len(gap) for gap in gaps])[:-1])
+    energies = [float(gaps[j] @ gaps[j] - left[j] @ left[j]) for j in gone & stay]
+    explained = 0.5 * sum(max(energy, 0.0) for energy in energies)
     return settings.MISFIT_OF_EVIDENCE * explained / settings.TEMPER
