@@ -9,16 +9,13 @@ import scipy
 class HypothesisTest:
     """The outcome of one statistical test, or the reason why it could not be run.
 
-    - `scope`: ``"all"`` or the name of a joint
-    - `statistic`, `p_value`: None where the test could not be run; `reason` then says why
-    - `df`: numerator degrees of freedom (of χ² or F)
-    - `df_denom`: denominator degrees of freedom of F; None for χ²
-    - `max_deviation`: effect size: how far the estimate is from the null, on the test's own scale
-    - `alpha`: significance level at which `accepted` is judged
-    - `torque_deviation_percent`: effect size of an instrument test on the scale of the torque, or
-      None
-    - `accepted`: whether the null hypothesis is accepted at `alpha`, whatever is given; None if the
-      test was not run
+    `scope`: ``"all"`` or the name of a joint. `statistic`, `p_value`: None where the test could not
+    be run; `reason` then says why. `df`: numerator degrees of freedom (of χ² or F). `df_denom`:
+    denominator degrees of freedom of F; None for χ². `max_deviation`: effect size: how far the
+    estimate is from the null, on the test's own scale. `alpha`: significance level at which
+    `accepted` is judged. `torque_deviation_percent`: effect size of an instrument test on the scale
+    of the torque, or None. `accepted`: whether the null hypothesis is accepted at `alpha`, whatever
+    is given; None if the test was not run.
     """
 
     null: str
