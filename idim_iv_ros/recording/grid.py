@@ -249,11 +249,9 @@ def _bridge(
 class Part:
     """Joints whose values come in the same messages, and these messages by source.
 
-    An arm and its gripper, or the joints of one arm, may have separate messages on one topic, with
-    other stamps and rates: every part is sorted, stamped and interpolated separately.
-
-    `columns` (k,) int: places of its joints among all joints. `stamped`: messages with the columns
-    of these joints only.
+    An arm and its gripper may have separate messages on one topic, with other stamps and rates:
+    every part is sorted, stamped and interpolated separately. `columns` (k,) int: places of its
+    joints among all; `stamped`: messages with these columns only.
     """
 
     columns: IntArray
