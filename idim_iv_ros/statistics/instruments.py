@@ -46,17 +46,18 @@ def wald_test_of_instruments(
     tests: list[HypothesisTest] = []
     draws = simulation_errors or [np.zeros((len(rows.torque), 0)) for rows in joints]
     for rows, errors in zip(joints, draws, strict=True):
-        reason = _obstacle(rows, parameters)
+        predicted = rows.prediction(parameters)
+        difference = predicted - rows.instruments @ parameters[rows.columns]
+        reason = _obstacle(rows, predicted, difference)
         if reason is not None:
             tests.append(HypothesisTest.not_run(VALID, rows.name, reason))
             continue
-        difference = rows.prediction(parameters) - rows.instruments @ parameters[rows.columns]
         fit = gls_regression(difference, rows.instruments, rows.segments)
         columns = np.column_stack([rows.instruments, difference, errors])
         whitened = r_factor(fit.errors.whiten(columns, rows.segments))
         fits.append((rows, fit, whitened))
         energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
-        percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters)))
+        percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(predicted))
         largest = largest_deviation(_both(rows), len(difference))
         tests.append(
             _satterthwaite_f_test(
@@ -70,17 +71,15 @@ def wald_test_of_instruments(
     return (HypothesisTest.not_run(VALID, "all", reason), *tests)
 
 
-def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
-    """Why the instruments of a joint cannot be tested, or None."""
+def _obstacle(rows: JointRows, predicted: FloatArray, difference: FloatArray) -> str | None:
+    """Why the instruments of a joint cannot be tested by X β̂ and (X − Z) β̂ (r,), or None."""
     n_rows, width = rows.instruments.shape
     if width == 0:
         return "no parameter acts on this joint"
     if n_rows < _ROWS_PER_COLUMN * width:
         return f"{n_rows} rows for {width} columns are too few"
-    predicted = rows.prediction(parameters)
     if not np.any(predicted):
         return "the model predicts no torque"
-    difference = predicted - rows.instruments @ parameters[rows.columns]
     if np.linalg.norm(difference) <= _EQUAL * np.linalg.norm(predicted):
         return "the instruments equal the regressor, so there is no error V to test"
     return None

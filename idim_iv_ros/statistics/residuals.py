@@ -33,23 +33,26 @@ def beyond_noise(share: float, size: float, noise: float) -> float:
 class ResidualDiagnosis:
     """How large the residual of a joint is, and whether it is white.
 
-    `rms`: N m (N for a prismatic joint). `relative_percent`: 100 ‖y − Xβ̂‖ / ‖y‖; None if there is
-    no torque. `ar_order`: order of the autoregressive model by AIC, 0 for white. `white`: whether
-    the residual may be treated as white: Ljung-Box accepts it, or what it finds is harmless: its
-    past predicts less than 5 % of its variance and the standard deviations computed as if it were
-    white are less than 1.1 times too small. None if not tested. `whiteness_p_value`,
-    `normality_p_value`: those of the tests, whatever is given. `predictable_share`: share of the
-    variance that the residual's own past predicts. `sigma_understatement`: how many times too small
-    the white-noise standard deviations of the estimates are, median over the columns of Z: σ_N ‖Hᵀ
-    z‖ / (σ_ε ‖z‖). `largest_correlation_after`: largest |autocorrelation| that the filter leaves
-    beyond lag 0. `whiteness`: Ljung-Box on the residual itself; before whitening only a
-    description, since it takes the regressors as exogenous. `whiteness_after`: Ljung-Box on the
-    whitened residual, its degrees of freedom less the order. `skewness`, `excess_kurtosis`: effect
-    sizes of normality, both 0 for a Gaussian. With thousands of rows a kurtosis that harms nothing
-    is significant. `autoregression`: of the residual; like what follows it is for the report and in
-    no document. `acf`, `acf_whitened`: (n_lags + 1,), autocorrelation from lag 0, of the residual
-    and of the whitened residual. `acf_bound`: 95 % of the autocorrelations of white noise lie
-    within ± this, 1.96 / √r.
+    - `rms`: N m (N for a prismatic joint)
+    - `relative_percent`: 100 ‖y − Xβ̂‖ / ‖y‖; None if there is no torque
+    - `ar_order`: order of the autoregressive model by AIC, 0 for white
+    - `white`: whether the residual may be treated as white: Ljung-Box accepts it, or what it finds
+      is harmless: its past predicts less than 5 % of its variance and the standard deviations
+      computed as if it were white are less than 1.1 times too small. None if not tested.
+    - `whiteness_p_value`, `normality_p_value`: those of the tests, whatever is given
+    - `predictable_share`: share of the variance that the residual's own past predicts
+    - `sigma_understatement`: how many times too small the white-noise standard deviations of the
+      estimates are, median over the columns of Z: σ_N ‖Hᵀ z‖ / (σ_ε ‖z‖)
+    - `largest_correlation_after`: largest |autocorrelation| that the filter leaves beyond lag 0
+    - `whiteness`: Ljung-Box on the residual itself; before whitening only a description, since it
+      takes the regressors as exogenous
+    - `whiteness_after`: Ljung-Box on the whitened residual, its degrees of freedom less the order
+    - `skewness`, `excess_kurtosis`: effect sizes of normality, both 0 for a Gaussian. With
+      thousands of rows a kurtosis that harms nothing is significant.
+    - `autoregression`: of the residual; like what follows it is for the report and in no document
+    - `acf`, `acf_whitened`: (n_lags + 1,), autocorrelation from lag 0, of the residual and of the
+      whitened residual
+    - `acf_bound`: 95 % of the autocorrelations of white noise lie within ± this, 1.96 / √r
     """
 
     joint: str
@@ -251,9 +254,8 @@ def largest_share(
     its mean and variance (Satterthwaite), its ratio to the mean square of the identification for F.
 
     `identified_rows`, `rows`: of the identification, and those that are compared with it.
-    `false_alarms`: probability, 0 to 1. `errors_of_parameters`: mean variance of the predictions by
-    that of the parameters, over the mean square of the identification's residual. Returns None
-    where there are no rows.
+    `errors_of_parameters`: mean variance of the predictions by that of the parameters, over the
+    mean square of the identification's residual. Returns None where there are no rows.
     """
     if rows < 1 or identified_rows < 1:
         return None

@@ -37,11 +37,10 @@ _LEAST_VARIATION = 0.02
 def shared_functions(
     joint_types: Sequence[str], q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> dict[str, FloatArray]:
-    """Functions of the states (n_samples, n_joints), the same for every joint's torque.
+    """Functions of the states (n_samples, n_joints), (n_samples, m), the same for every torque.
 
-    *position*: cos and sin of every joint (position and its square for a prismatic one), and
-    their products for every pair of joints. *acceleration*: that of every joint, and all
-    products of two speeds. (n_samples, m) each.
+    *position*: cos and sin of every joint (position and its square for a prismatic one), and their
+    products for every pair. *acceleration*: of every joint, and all products of two speeds.
     """
     waves = [
         [np.cos(of), np.sin(of)] if kind == "revolute" else [of, of**2]
