@@ -66,8 +66,8 @@ def wald_test_of_instruments(
         )
     if fits:
         return (_test_of_all(fits, parameters), *tests)
-    first, *others = dict.fromkeys(test.reason or "" for test in tests)
-    reason = "no joint can be tested" if others else first
+    reasons = {test.reason or "" for test in tests}
+    reason = reasons.pop() if len(reasons) == 1 else "no joint can be tested"
     return (HypothesisTest.not_run(VALID, "all", reason), *tests)
 
 
