@@ -9,12 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.instruments import (
-    Instruments,
-    InstrumentSource,
-    SourceFailure,
-    Start,
-)
+from idim_iv_ros.estimation.instruments import Instruments, InstrumentSource, SourceFailure, Start
 from idim_iv_ros.estimation.least_squares import (
     LinearEstimate,
     refined_covariance,
@@ -75,11 +70,9 @@ def idim_iv(
     failures: list[str] = []
     for source in sources:
         for start in starts:
-            step = _Iteration(
-                rows, source, start, least_squares, tolerance, max_iterations, progress
-            )
+            settings = tolerance, max_iterations, progress
             try:
-                return step.run(tuple(failures))
+                return _Iteration(rows, source, start, least_squares, *settings).run(failures)
             except SourceFailure as failure:
                 where = f" from {start.name}" if source.iterative else ""
                 failures.append(f"{source.name}{where}: {failure}")
@@ -98,9 +91,8 @@ class _Iteration:
     max_iterations: int
     progress: Callable[[str, float], None] | None
 
-    def run(self, failures: tuple[str, ...]) -> IdimIvEstimate:
-        sigma = self.least_squares.sigma
-        values = self.start.values
+    def run(self, failures: Sequence[str]) -> IdimIvEstimate:
+        sigma, values = self.least_squares.sigma, self.start.values
         if self.start.spread is None:
             instruments = self.source.instruments(values, self.least_squares.values)
         else:
@@ -117,13 +109,13 @@ class _Iteration:
             steps.append(self._change(before.values, linear))
             converged = steps[-1][0] <= self.tolerance
         return IdimIvEstimate(
-            linear=linear,
-            least_squares=self.least_squares,
-            source=self.source,
-            instruments=instruments,
-            steps=tuple(steps),
-            converged=converged,
-            failures=failures,
+            linear,
+            self.least_squares,
+            self.source,
+            instruments,
+            tuple(steps),
+            converged,
+            tuple(failures),
         )
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
@@ -155,11 +147,10 @@ class _Iteration:
     def _nearby(self, linear: LinearEstimate) -> Iterator[tuple[FloatArray, str]]:
         """Parameters that stand in for an estimate that cannot be simulated, and what they are.
 
-        With given values, the estimate is combined with them as with a measurement of its own,
-        which is trusted more and more: what the recording says well stays. Without, the poorly
-        known parameters are put to zero.
+        With given values, the estimate is combined with them as with a measurement that is trusted
+        more and more. Without, the poorly known parameters are put to zero.
         """
-        covariance = self._white_covariance(linear)
+        covariance = white_covariance(self.rows, linear.sigma, len(linear.values))
         given, spread = self.start.values, self.start.spread
         if spread is not None:
             information = np.linalg.inv(covariance)
@@ -188,7 +179,8 @@ class _Iteration:
 
     def _change(self, previous: FloatArray, linear: LinearEstimate) -> tuple[float, int]:
         """Largest relative change of a precise parameter, and the place of that parameter."""
-        deviation = np.sqrt(np.diag(self._white_covariance(linear)))
+        covariance = white_covariance(self.rows, linear.sigma, len(linear.values))
+        deviation = np.sqrt(np.diag(covariance))
         precise = deviation <= _LARGEST_DEVIATION * np.abs(linear.values)
         if not precise.any():
             precise[:] = True
@@ -196,9 +188,6 @@ class _Iteration:
         change = np.where(precise, np.abs(linear.values - previous) / size, 0.0)
         worst = int(np.argmax(change))
         return float(change[worst]), worst
-
-    def _white_covariance(self, linear: LinearEstimate) -> FloatArray:
-        return white_covariance(self.rows, linear.sigma, len(linear.values))
 
 
 def refined_idim_iv(

@@ -104,11 +104,9 @@ class SimulatedLoop:
     ) -> tuple[FloatArray, ...] | None:
         """Change of Z β̂ when the simulation runs at parameters as uncertain as `values` are.
 
-        The instruments are simulated with estimated parameters; a difference between X β̂ and
-        Z β̂ of this size says nothing against the model.
-
-        `values`, `covariance`: (b,) estimate and (b, b) covariance, that of the measurement noise
-        alone: a model error inflates the residual, and would otherwise hide itself.
+        A difference between X β̂ and Z β̂ of this size says nothing against the model. `covariance`
+        (b, b) of `values` (b,) is that of the measurement noise alone: a model error inflates the
+        residual, and would otherwise hide itself.
 
         Returns one (r_j, n_draws) array for each joint, N m, without draws that diverge; None if
         the simulation at `values` itself diverges.
@@ -137,23 +135,19 @@ class SimulatedLoop:
             nominal, *moved = pool.map(predictions, [values, *drawn])
         if nominal is None:
             return None
-        errors = [
-            [a - b for a, b in zip(prediction, nominal, strict=True)]
-            for prediction in moved
-            if prediction is not None
-        ]
-        if not errors:
-            return tuple(np.zeros((len(joint), 0)) for joint in nominal)
-        return tuple(np.column_stack(joint) for joint in zip(*errors, strict=True))
+        drawn_ones = [prediction for prediction in moved if prediction is not None]
+        return tuple(
+            np.array([prediction[k] - joint for prediction in drawn_ones]).reshape(-1, len(joint)).T
+            for k, joint in enumerate(nominal)
+        )
 
     def natural_frequency(self, values: FloatArray) -> float:
         """Highest natural frequency of the loops, √(kp / J) of each joint, Hz."""
         inertia = self._joint_inertia(values)
-        stiffness = np.max([law.kp for law in self.laws], axis=0)
         usable = inertia > 0.0
-        if not usable.any():
-            return 0.0
-        return float(np.sqrt(np.max(stiffness[usable] / inertia[usable]))) / (2.0 * np.pi)
+        stiffness = np.max([law.kp for law in self.laws], axis=0)
+        squares = stiffness[usable] / inertia[usable]
+        return float(np.sqrt(np.max(squares, initial=0.0))) / (2.0 * np.pi)
 
     def _positions(self, values: FloatArray, scale: FloatArray) -> list[FloatArray]:
         parameters = self.model.dynamic_parameters(values)
@@ -249,8 +243,7 @@ def _smoothed_measurements(
 ) -> tuple[list[FloatArray], str]:
     """Positions smoothed harder than the regressor's.
 
-    Noise below the cut-off stays in both X and Z: it is not averaged out, so that the estimate
-    keeps the bias of least squares in that band, and Π = I says nothing.
+    Noise below the cut-off stays in both X and Z: the estimate keeps the bias of least squares.
     """
     return [
         zero_phase_butterworth(motion.position, rate=motion.signals.rate, cutoff=cutoff, order=4)
@@ -282,8 +275,7 @@ def instrument_sources(
     if not missing:
         law, fits, sentences = _laws(configuration, motions)
         if law is not None:
-            configured = configuration.controller.type != "unknown"
-            how = "configured" if configured else "fitted"
+            how = "fitted" if configuration.controller.type == "unknown" else "configured"
             name = f"closed-loop simulation with the {how} control law"
             sources.append(SimulatedLoop(model, tuple(motions), law, name))
         untestable = (
@@ -323,13 +315,11 @@ def _starts(configuration: Configuration, model: InverseModel) -> tuple[Start, .
 
 def _sizes(model: InverseModel) -> FloatArray:
     """Size of each given value (b,): its own and the median of its unit; infinite for friction."""
-    values = np.abs(model.given_without_friction)
-    units = np.array(model.base.units)
+    values, units = np.abs(model.given_without_friction), np.array(model.base.units)
     sizes = np.full(len(values), np.inf)
-    for unit in set(model.base.units):
-        of_unit = values[units == unit]
-        if of_unit.any():
-            sizes[units == unit] = of_unit + np.median(of_unit[of_unit > 0.0])
+    for same in (units == unit for unit in set(model.base.units)):
+        if values[same].any():
+            sizes[same] = values[same] + np.median(values[same & (values > 0.0)])
     return sizes
 
 

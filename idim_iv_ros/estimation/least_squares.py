@@ -53,7 +53,7 @@ def solve_least_squares(
         values = independent_basis(factor[:, :-1]).solve(factor[:, -1], parameters)
         sigma = _sigma(rows, values, share, total)
         weights = 1.0 / sigma
-    return LinearEstimate(values, _residuals(rows, values), sigma)
+    return _estimate(rows, values, sigma)
 
 
 def solve_instrumental_variables(
@@ -70,7 +70,7 @@ def solve_instrumental_variables(
     _, projected, right = projected_on_instruments(rows, parameters, sigma)
     values = np.asarray(np.linalg.solve(projected, right), dtype=np.float64)
     share = 1.0 - parameters / total
-    return LinearEstimate(values, _residuals(rows, values), _sigma(rows, values, share, total))
+    return _estimate(rows, values, _sigma(rows, values, share, total))
 
 
 def projected_on_instruments(
@@ -128,8 +128,8 @@ def _sigma(rows: Sequence[JointRows], values: FloatArray, share: float, total: i
     return np.maximum(sigma, max(1e-12 * torque, 1e-300))
 
 
-def _residuals(rows: Sequence[JointRows], values: FloatArray) -> tuple[FloatArray, ...]:
-    return tuple(joint.residual(values) for joint in rows)
+def _estimate(rows: Sequence[JointRows], values: FloatArray, sigma: FloatArray) -> LinearEstimate:
+    return LinearEstimate(values, tuple(joint.residual(values) for joint in rows), sigma)
 
 
 def _number_of_rows(rows: Sequence[JointRows], parameters: int) -> int:
@@ -143,13 +143,10 @@ def _number_of_rows(rows: Sequence[JointRows], parameters: int) -> int:
 
 
 def white_covariance(rows: Sequence[JointRows], sigma: FloatArray, parameters: int) -> FloatArray:
-    """Σ = (ZᵀWX)⁻¹ ZᵀWZ (XᵀWZ)⁻¹, W = blkdiag(I/σ_j²): right if every residual is white.
+    """Σ = (ZᵀWX)⁻¹ ZᵀWZ (XᵀWZ)⁻¹ (b, b), W = blkdiag(I/σ_j²): right if every residual is white.
 
-    With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹.
-
-    `sigma`: (n_joints,) Standard deviation of each joint's residual; `parameters`: b.
-
-    Returns (b, b), in the products of the parameters' units.
+    With Z = X it is the covariance of (weighted) least squares, σ²(XᵀX)⁻¹. `sigma` (n_joints,):
+    standard deviation of each joint's residual, N m (N); `parameters`: b.
 
     Raises DataError: the instruments do not determine all parameters.
     """
@@ -234,41 +231,31 @@ def essential_parameters(
     / (b - b_e) of the parameters that are left out; that form also holds for instrumental
     variables. It is judged against F(b - b_e, r - b).
 
-    `values` (b,); `covariance` (b, b): that of whitened rows, for r must count independent rows;
-    `rows`: r; `alpha`: level at which the null hypothesis is rejected and the elimination stops.
-
-    Returns the base parameters that stay, (b_e,), and the p-value of the null hypothesis that all
-    the others are zero.
+    `values` (b,), `covariance` (b, b): of whitened rows, for r must count independent rows; `rows`:
+    r; `alpha`: level below which the elimination stops. Returns the base parameters that stay,
+    (b_e,), and the p-value of the null hypothesis that all the others are zero.
     """
-    parameters = len(values)
-    kept = list(range(parameters))
-    p_value = 1.0
-    for _ in range(parameters - 1):
+    kept, p_value = list(range(len(values))), 1.0
+    out: list[int] = []
+    while len(kept) > 1:
         estimate, std = restrict(values, covariance, kept)
-        weakest = int(np.argmin(np.abs(estimate) / std))
-        trial = kept[:weakest] + kept[weakest + 1 :]
-        out = [column for column in range(parameters) if column not in trial]
-        left_out = values[out]
-        distance = float(left_out @ np.linalg.solve(covariance[np.ix_(out, out)], left_out))
-        trial_p = float(scipy.stats.f.sf(distance / len(out), len(out), rows - parameters))
+        weakest = kept[int(np.argmin(np.abs(estimate) / std))]
+        out = sorted([*out, weakest])
+        distance = float(values[out] @ np.linalg.solve(covariance[np.ix_(out, out)], values[out]))
+        trial_p = float(scipy.stats.f.sf(distance / len(out), len(out), rows - len(values)))
         if trial_p < alpha:
             break
-        kept, p_value = trial, trial_p
+        kept.remove(weakest)
+        p_value = trial_p
     return np.array(kept), p_value
 
 
 def restrict(
     values: FloatArray, covariance: FloatArray, kept: list[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimate and standard deviation of `kept` once the other parameters are set to zero.
-
-    Returns values and standard deviations, (len(kept),) each.
-    """
+    """Estimates and standard deviations (k,) of `kept` once the other parameters are zero."""
     out = [column for column in range(len(values)) if column not in kept]
-    inside = covariance[np.ix_(kept, kept)]
-    if not out:
-        return values[kept], np.sqrt(np.diag(inside))
     across = covariance[np.ix_(kept, out)]
     gain = np.linalg.solve(covariance[np.ix_(out, out)], across.T).T
-    reduced = inside - gain @ across.T
+    reduced = covariance[np.ix_(kept, kept)] - gain @ across.T
     return values[kept] - gain @ values[out], np.sqrt(np.maximum(np.diag(reduced), 0.0))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -42,10 +43,8 @@ def row_blocks(
 
 def torque_rows(motion: Motion) -> list[FloatArray]:
     """Decimated torque of the samples that count, one (r_j,) array for each joint."""
-    return [
-        motion.decimation.whole(torque)[kept]
-        for torque, kept in zip(motion.torque.T, motion.kept.T, strict=True)
-    ]
+    pairs = zip(motion.torque.T, motion.kept.T, strict=True)
+    return [motion.decimation.whole(torque)[kept] for torque, kept in pairs]
 
 
 def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[JointRows, ...]:
@@ -55,16 +54,9 @@ def observation_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[Jo
     rows = []
     for joint, (matrix, torque) in enumerate(zip(matrices, torques, strict=True)):
         position = _grid([motion.kept[:, joint] for motion in motions])
-        rows.append(
-            JointRows(
-                matrix=matrix,
-                torque=np.concatenate(torque),
-                columns=np.flatnonzero(model.base.active[joint]),
-                segments=_segments(position),
-                name=model.robot.joints[joint],
-                position=position,
-            )
-        )
+        columns, segments = np.flatnonzero(model.base.active[joint]), _segments(position)
+        name = model.robot.joints[joint]
+        rows.append(JointRows(matrix, np.concatenate(torque), columns, segments, name, position))
     return tuple(rows)
 
 
@@ -72,46 +64,37 @@ def streamed_rows(model: InverseModel, motions: Sequence[Motion]) -> tuple[Joint
     """Reduced rows (`JointRows.reduced`) of recordings, made without all rows in memory."""
     columns = [np.flatnonzero(active) for active in model.base.active]
     factors = [np.zeros((0, len(active) + 1)) for active in columns]
-    counts = [0] * len(columns)
     for motion in motions:
         torques = torque_rows(motion)
-        done = [0] * len(columns)
         for block in row_blocks(model, motion, motion.derivatives):
             for joint, matrix in enumerate(block):
-                torque = torques[joint][done[joint] : done[joint] + len(matrix)]
+                torque, torques[joint] = np.split(torques[joint], [len(matrix)])
                 rows = np.column_stack([matrix, torque])
                 factors[joint] = streamed_r_factor((factors[joint], rows), rows.shape[1])
-                done[joint] += len(matrix)
-        counts = [before + more for before, more in zip(counts, done, strict=True)]
+    counts = np.sum([motion.kept.sum(axis=0) for motion in motions], axis=0).tolist()
+    parts = zip(model.robot.joints, factors, columns, counts, strict=True)
     return tuple(
         JointRows(factor[:, :-1], factor[:, -1], places, name=name, represented=count)
-        for name, factor, places, count in zip(
-            model.robot.joints, factors, columns, counts, strict=True
-        )
+        for name, factor, places, count in parts
     )
 
 
 def instrument_rows(
     model: InverseModel, motions: Sequence[Motion], states: Sequence[States]
 ) -> tuple[FloatArray, ...]:
-    """Instruments Z (equation 8): the same rows and columns, from simulated states.
+    """Instruments Z (equation 8) from simulated states, one (r, c) array a joint as the matrix.
 
     `states`: one for each motion: (first, last) → q, dq, ddq of those samples of the span.
-
-    Returns one (r, c) array for each joint, as `JointRows.matrix`.
     """
-    joints = range(len(model.robot.joints))
-    counts = [sum(int(motion.kept[:, joint].sum()) for motion in motions) for joint in joints]
-    matrices = tuple(
-        np.empty((count, int(active.sum())))
-        for count, active in zip(counts, model.base.active, strict=True)
-    )
-    done = [0] * len(counts)
+    counts = np.sum([motion.kept.sum(axis=0) for motion in motions], axis=0)
+    widths = [int(active.sum()) for active in model.base.active]
+    matrices = tuple(map(np.empty, zip(counts.tolist(), widths, strict=True)))
+    rest = list(matrices)  # of the rows, to be filled
     for motion, simulated in zip(motions, states, strict=True):
         for block in row_blocks(model, motion, simulated):
             for joint, part in enumerate(block):
-                matrices[joint][done[joint] : done[joint] + len(part)] = part
-                done[joint] += len(part)
+                rest[joint][: len(part)] = part
+                rest[joint] = rest[joint][len(part) :]
     return matrices
 
 
@@ -121,17 +104,10 @@ def segments_of(kept: Sequence[BoolArray]) -> Segments:
 
 
 def _grid(kept: Sequence[BoolArray]) -> IntArray:
-    offset = 0
-    places = []
-    for keep in kept:
-        places.append(offset + np.flatnonzero(keep))
-        offset += len(keep) + _APART
-    return np.concatenate(places)
+    begins = np.cumsum([0, *(len(keep) + _APART for keep in kept[:-1])])
+    return np.concatenate([b + np.flatnonzero(k) for b, k in zip(begins, kept, strict=True)])
 
 
 def _segments(position: IntArray) -> Segments:
-    if len(position) == 0:
-        return Segments()
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(position) != 1) + 1])
-    stops = np.concatenate([starts[1:], [len(position)]])
-    return Segments(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True))
+    cuts = [0, *(np.flatnonzero(np.diff(position) != 1) + 1).tolist(), len(position)]
+    return Segments(slice(a, b) for a, b in pairwise(cuts) if b > a)

@@ -1,6 +1,6 @@
 """The rows of one joint's regression: the one type that estimators, tests and diagnosis share."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,16 +18,13 @@ _LEFT_OUT = 100.0
 class JointRows:
     """Rows of a joint of y = X β + ε and, where there are instruments, of X = Z Π + V.
 
-    - `matrix`: (r, c), regressor X: only the columns that are not structurally zero for this joint
-    - `torque`: (r,) N m (N for a prismatic joint), y
-    - `columns`: (c,) int, places of these columns among all b parameters
-    - `segments`: rows that are contiguous in time, covering all of them in order
-    - `position`: (r,) int, place of each row on the uniform decimated grid; recordings lie far
-      apart
-    - `instrument_matrix`: (r, c), Z; None where X is its own instrument
-    - `represented`: how many rows were reduced to these by QR; None where these are the rows
-      themselves
-    - `left_out`: whether the torque says nothing of the robot: its rows get next to no weight
+    `matrix`: (r, c), regressor X: only the columns that are not structurally zero for this joint.
+    `torque`: (r,) N m (N for a prismatic joint), y. `columns`: (c,) int, places of these columns
+    among all b parameters. `segments`: rows that are contiguous in time, covering all of them in
+    order. `position`: (r,) int, place of each row on the uniform decimated grid; recordings lie far
+    apart. `instrument_matrix`: (r, c), Z; None where X is its own instrument. `represented`: how
+    many rows were reduced to these by QR; None where these are the rows themselves. `left_out`:
+    whether the torque says nothing of the robot: its rows get next to no weight.
     """
 
     matrix: FloatArray
@@ -80,11 +77,8 @@ class JointRows:
 
     def with_columns(self, columns: FloatArray, places: IntArray) -> "JointRows":
         """Return the same rows with more columns (r, k) at these places."""
-        return replace(
-            self,
-            matrix=np.hstack([self.matrix, columns]),
-            columns=np.concatenate([self.columns, places]),
-        )
+        matrix = np.hstack([self.matrix, columns])
+        return replace(self, matrix=matrix, columns=np.concatenate([self.columns, places]))
 
     def keep(self, parameters: IntArray) -> "JointRows":
         """Return the same rows with only some base parameters, renumbered in their order."""
@@ -104,10 +98,9 @@ class JointRows:
     def joined(self, others: Sequence["JointRows"]) -> "JointRows":
         """Return these rows and others of the joint, one below the other."""
         parts = [self, *others]
-        table = np.vstack([part._table(slice(None)) for part in parts])
         starts = np.cumsum([0, *(len(part.torque) for part in parts)]).tolist()
         return replace(
-            self._of(table),
+            self._of(np.vstack([part._table(slice(None)) for part in parts])),
             segments=Segments(
                 slice(start + run.start, start + run.stop)
                 for part, start in zip(parts, starts, strict=False)
@@ -121,8 +114,10 @@ class JointRows:
     @cached_property
     def reduced(self) -> "JointRows":
         """The R factor of [Z X y]: it replaces these rows where their order does not matter."""
-        width = self._table(slice(0, 0)).shape[1]
-        rows = self._of(streamed_r_factor(self._blocks(), width))
+        starts = range(0, max(len(self.torque), 1), BLOCK)
+        blocks = (self._table(slice(start, start + BLOCK)) for start in starts)
+        width = self._table(slice(0)).shape[1]
+        rows = self._of(streamed_r_factor(blocks, width))
         return replace(rows, segments=(), position=None, represented=len(self))
 
     @cached_property
@@ -138,10 +133,6 @@ class JointRows:
         columns = np.asfortranarray(np.column_stack([self.matrix, self.torque]))
         return r_factor(noise.standardized(columns, self.segments))
 
-    def _blocks(self) -> Iterator[FloatArray]:
-        for start in range(0, len(self.torque), BLOCK):
-            yield self._table(slice(start, start + BLOCK))
-
     def _table(self, rows: slice) -> FloatArray:
         """Columns of some rows, to be filtered or reduced together: [Z X y], [X y] where Z is X."""
         z = [] if self.instrument_matrix is None else [self.instrument_matrix[rows]]
@@ -151,9 +142,8 @@ class JointRows:
         """Return rows of this joint made of columns in the order of `_table`."""
         width = len(self.columns)
         z = None if self.instrument_matrix is None else table[:, :width]
-        return replace(
-            self, matrix=table[:, -width - 1 : -1], torque=table[:, -1], instrument_matrix=z
-        )
+        matrix, torque = table[:, -width - 1 : -1], table[:, -1]
+        return replace(self, matrix=matrix, torque=torque, instrument_matrix=z)
 
 
 def with_instruments(

@@ -1,6 +1,6 @@
 """Can a recording support an identification?  Recordings, joints and parameters, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -20,8 +20,7 @@ from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import CHECK_FORMAT, FilePaths
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
-from idim_iv_ros.identification.sanity import Level, link_findings
-from idim_iv_ros.model import BaseParameters
+from idim_iv_ros.identification.sanity import JointFinding, Level, link_findings
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.recording import Recording
@@ -117,26 +116,24 @@ def _report(prepared: PreparedRegression, rows: Sequence[JointRows]) -> CheckRep
         findings += _joint_findings(prepared, joint, name)
         if len(rows[joint]) == 0:
             findings.append(Finding(name, "unusable", "never faster than the reversal speed"))
-        findings += [
-            Finding(name, contradiction.level, contradiction.sentence)
-            for contradiction in prepared.joint_findings
-            if contradiction.joint == joint
-        ]
+        wrong = (finding for finding in prepared.joint_findings if finding.joint == joint)
+        findings += _of_joints(prepared, wrong)
     topic = prepared.configuration.signals.link_states
     if topic is not None:
-        robot = prepared.model.robot
-        behind = [
-            Finding(robot.joints[finding.joint], finding.level, finding.sentence)
-            for finding in link_findings(prepared.motions, robot.joint_types)
-        ]
+        behind = link_findings(prepared.motions, prepared.model.robot.joint_types)
         sentence = f"no joint has positions on {topic} in every recording: nothing is made of it"
-        findings += behind or [Finding(topic, "limited", sentence)]
+        findings += _of_joints(prepared, behind) or [Finding(topic, "limited", sentence)]
     parameters, condition = _visibility(prepared, rows)
     unseen = [parameter.name for parameter in parameters if parameter.seen == "no"]
     if unseen:
         sentence = f"{', '.join(unseen)} cannot be separated from the other parameters"
         findings.append(Finding("excitation", "unusable", sentence))
     return CheckReport(findings=tuple(findings), parameters=parameters, condition_number=condition)
+
+
+def _of_joints(prepared: PreparedRegression, findings: Iterable[JointFinding]) -> list[Finding]:
+    joints = prepared.configuration.robot.joints
+    return [Finding(joints[of.joint], of.level, of.sentence) for of in findings]
 
 
 def _recording_findings(recording: Recording, motion: Motion) -> list[Finding]:
@@ -185,20 +182,19 @@ def _reference_findings(prepared: PreparedRegression) -> list[Finding]:
 
 def _reference_source(recording: Recording) -> Finding:
     assert recording.position_reference is not None
-    name = recording.path.name
     source, _, field = recording.position_reference.origin.rpartition(" ")
     sentence = f"the reference is {field} of {topic_of(source)}"
+    level: Level = "good"
     rates = [clock.rate for clock in recording.clocks if clock.topic == source]
     if rates:
         sentence += f", at {rates[0]:.4g} Hz"
-    if not rates or rates[0] > _SLOW_REFERENCE * recording.rate:
-        return Finding(name, "good", sentence)
-    return Finding(
-        name,
-        "limited",
-        f"{sentence}, and interpolated to the {recording.rate:.4g} Hz of the joint states: let the "
-        "controller publish its state at that rate",
-    )
+    if rates and rates[0] <= _SLOW_REFERENCE * recording.rate:
+        level = "limited"
+        sentence += (
+            f", and interpolated to the {recording.rate:.4g} Hz of the joint states: let the "
+            "controller publish its state at that rate"
+        )
+    return Finding(recording.path.name, level, sentence)
 
 
 def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list[Finding]:
@@ -284,24 +280,15 @@ def _visibility(
     count = len(base.columns)
     if any(len(joint) == 0 for joint in rows):
         return (), None
+    words = list(zip(base.names, base.expressions, base.units, strict=True))
     unseen = unseen_parameters(rows, count)
     if unseen:
-        return tuple(_parameter(base, k, None, 0.0) for k in unseen), None
+        return tuple(ParameterVisibility(*words[k], None, None, "no") for k in unseen), None
     estimate = solve_least_squares(rows, count)
     weighted = independent_basis(stacked(rows, count, 1.0 / estimate.sigma)[:, :count])
     std = np.linalg.norm(weighted.inverse_root(count), axis=1)
-    parameters = tuple(
-        _parameter(base, k, float(std[k]), abs(float(estimate.values[k]))) for k in range(count)
-    )
-    return parameters, condition_number(rows, count)
-
-
-def _parameter(
-    base: BaseParameters, place: int, std: float | None, size: float
-) -> ParameterVisibility:
-    words = base.names[place], base.expressions[place], base.units[place]
-    if std is None:
-        return ParameterVisibility(*words, None, None, "no")
-    relative = 100.0 * std / max(size, 1e-300)
-    seen = "well" if relative <= _WELL_SEEN else "yes" if relative <= _SEEN else "poorly"
-    return ParameterVisibility(*words, 2.0 * std, relative, seen)
+    relative = 100.0 * std / np.maximum(np.abs(estimate.values), 1e-300)
+    seen = np.select([relative <= _WELL_SEEN, relative <= _SEEN], ["well", "yes"], "poorly")
+    columns = (2.0 * std).tolist(), relative.tolist(), seen.tolist()
+    shown = [ParameterVisibility(*of, *values) for of, *values in zip(words, *columns, strict=True)]
+    return tuple(shown), condition_number(rows, count)

@@ -6,7 +6,7 @@ from idim_iv_ros.errors import UsageError, first_of
 from idim_iv_ros.files import FilePath
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import words_of_name
-from idim_iv_ros.statistics.drift import drifts_of
+from idim_iv_ros.statistics.hypothesis import drifts_of
 
 _LEVEL = 0.05  # probability that any parameter of two equal robots is called different
 _MOST_NAMES = 3  # in the sentence
@@ -17,8 +17,7 @@ class ParameterPair:
     """A base parameter in two results of identifications, and its difference.
 
     `words`: what the parameter of its name is; `deviations`: second less first, in standard
-    deviations of the difference (`Drift`); `differs`: whether that is beyond what chance
-    does among all parameters.
+    deviations of the difference; `differs`: whether chance does not do that among all parameters.
     """
 
     name: str
@@ -98,16 +97,13 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
     drifts = drifts_of(estimates, others, _LEVEL)
     pairs = [
         ParameterPair(
-            name=drift.name,
-            unit=before[drift.name].unit,
-            expression=before[drift.name].expression,
-            words=words_of_name(drift.name, results[0].joints),
-            first=drift.before,
-            first_std=drift.before_std,
-            second=drift.now,
-            second_std=drift.now_std,
-            deviations=drift.statistic,
-            differs=drift.drifts,
+            drift.name,
+            before[drift.name].unit,
+            before[drift.name].expression,
+            words_of_name(drift.name, results[0].joints),
+            *(drift.before, drift.before_std, drift.now, drift.now_std),
+            drift.statistic,
+            drift.drifts,
         )
         for drift in drifts
     ]

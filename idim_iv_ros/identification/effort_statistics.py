@@ -36,9 +36,9 @@ _LEAST_OF_A_SIGN = 0.05  # of the rows
 class Share:
     """Coefficient of a column of a regression, and the variance that it explains.
 
-    `value`, `deviation`: the standard deviation is that of batch means: residuals may be
-    autocorrelated; `of_variance`: share of the effort's variance that it explains; `of_rest`: share
-    of the variance that is left beside the other columns.
+    `deviation`: standard deviation by batch means, for residuals may be autocorrelated;
+    `of_variance`: share of the effort's variance that it explains; `of_rest`: of what is left of
+    that beside the other columns.
     """
 
     value: float
@@ -56,20 +56,18 @@ class Share:
 class EffortStatistics:
     """Statistics of the effort of one joint.
 
-    - `torque`: of the torque that the nominal masses need, beside friction and the joint's drive
-      inertia: 1 where efforts are torques. None where the nominal model needs none.
-    - `friction`: of the direction of the speed beside the columns of masses and drives: dry
-      friction. None where these hold it.
-    - `peak`: of the effort without friction, but for outliers
-    - `static_share`: share of the variance that position and direction of the speed explain
-    - `expected`, `shown`, `residual`: RMS, beside all that position and speed explain: of the
-      nominal masses' torque of accelerations, of what all columns of accelerations explain, and of
-      what nothing explains. The first is less what the noise of the positions adds, and zero where
-      that is most of it: noise in the columns hides what they explain.
-    - `given_friction`, `size`: RMS of the nominal friction and of the effort
-    - `signed`, `unsigned`: RMS of the residual of the effort as it is, and taken for the size of a
-      torque; the second is infinite where the effort has both signs, or a torque with both signs is
-      not likelier
+    `torque`: of the torque that the nominal masses need, beside friction and the joint's drive
+    inertia: 1 where efforts are torques. None where the nominal model needs none. `friction`: of
+    the direction of the speed beside the columns of masses and drives: dry friction. None where
+    these hold it. `peak`: of the effort without friction, but for outliers. `static_share`: share
+    of the variance that position and direction of the speed explain. `expected`, `shown`,
+    `residual`: RMS, beside all that position and speed explain: of the nominal masses' torque of
+    accelerations, of what all columns of accelerations explain, and of what nothing explains. The
+    first is less what the noise of the positions adds, and zero where that is most of it: noise in
+    the columns hides what they explain. `given_friction`, `size`: RMS of the nominal friction and
+    of the effort. `signed`, `unsigned`: RMS of the residual of the effort as it is, and taken for
+    the size of a torque; the second is infinite where the effort has both signs, or a torque with
+    both signs is not likelier.
     """
 
     torque: Share | None
@@ -92,11 +90,8 @@ def effort_statistics(
     stride = -(-sum(len(motion.decimation.kept) for motion in motions) // _MOST_ROWS)
     counting = np.concatenate([motion.kept[::stride] for motion in motions])
     active = [np.flatnonzero(columns) for columns in model.base.active]
-    enough = [
-        np.count_nonzero(kept) >= ROWS_PER_COLUMN * len(columns)
-        for kept, columns in zip(counting.T, active, strict=True)
-    ]
-    if not any(enough):
+    enough = counting.sum(axis=0) >= ROWS_PER_COLUMN * np.array(list(map(len, active)))
+    if not enough.any():
         return (None,) * len(active)
     parts = [_samples(motion, cutoffs.decimation, stride) for motion in motions]
     samples = np.concatenate(parts, axis=1)

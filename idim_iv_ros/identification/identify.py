@@ -11,11 +11,7 @@ import numpy as np
 from idim_iv_ros.compilation import one_thread
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError
-from idim_iv_ros.estimation.idim_iv import (
-    IdimIvEstimate,
-    idim_iv,
-    refined_idim_iv,
-)
+from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv, refined_idim_iv
 from idim_iv_ros.estimation.instruments import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.least_squares import (
     AutocorrelatedCovariance,
@@ -57,7 +53,7 @@ from idim_iv_ros.physical.nearest import TO_INSTALL, Judge
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import fit_autoregression, torque_noise
-from idim_iv_ros.statistics.drift import in_deviations
+from idim_iv_ros.statistics.hypothesis import in_deviations
 from idim_iv_ros.statistics.residuals import mean_square_freedom
 from idim_iv_ros.statistics.verdict import judge_all, judge_joint
 from idim_iv_ros.types import FloatArray, IntArray
@@ -66,6 +62,8 @@ _REPORTED = ("idim-iv-ros", "numpy", "scipy", "pin", "numba", "rosbags")
 # Standard deviations of the difference beyond which whitening has moved an estimate further than
 # noise does.
 _FAR_APART = 3.0
+# What a refined estimate has in common with the estimate.
+_OF_PARAMETER = ("name", "expression", "unit", "essential", "ls_value", "given_value")
 _SIGNALS = ("position", "effort", "velocity", "position_reference", "velocity_reference")
 
 
@@ -194,7 +192,7 @@ def consistent_parameters(
     is judged, and the residual's standard deviation of each joint; `shared`: friction parameters
     that effects share.
     """
-    unit = prepared.configuration.signals.effort_unit
+    model, unit = prepared.model, prepared.configuration.signals.effort_unit
     if unit != "N m":
         return None, (
             f"efforts are in {unit}: whether a body is possible is known in kg m² only; give "
@@ -205,20 +203,18 @@ def consistent_parameters(
             "identification.exclude takes base parameters out of the model: the links that are "
             "left are no bodies"
         )
-    if not prepared.model.robot.has_inertials:
+    if not model.robot.has_inertials:
         return None, (
             "the URDF gives no inertia: nothing says how the sums that a recording shows are split "
             "into links; write rough masses and inertias into it"
         )
-    model = prepared.model
     try:
         judge = Judge(rows, len(values), sigma)
-        nearest = nearest_physical(model.robot, model.base, values, covariance, judge, shared)
+        return nearest_physical(model.robot, model.base, values, covariance, judge, shared), ""
     except ImportError:
         return None, TO_INSTALL
     except DataError as error:
         return None, str(error)
-    return nearest, ""
 
 
 def assemble_result(
@@ -235,16 +231,9 @@ def assemble_result(
     essential, p_value = essential_parameters(*identified.refined, total, alpha=alpha)
     covariance = AutocorrelatedCovariance(rows, linear.sigma, validation.models, count)
     parameters = _parameters(identified, covariance, essential)
-    verdicts = tuple(
-        judge_joint(test, residual, specification, float(noise))
-        for test, residual, specification, noise in zip(
-            validation.tests[1:],
-            validation.residuals,
-            validation.specification,
-            torque_noise(prepared.motions),
-            strict=True,
-        )
-    )
+    noise = torque_noise(prepared.motions).tolist()
+    tested = validation.tests[1:], validation.residuals, validation.specification, noise
+    verdicts = tuple(map(judge_joint, *tested))
     overall = judge_all(verdicts, validation.tests[0])
     failures = () if estimate is None else estimate.failures
     if failures:
@@ -255,7 +244,16 @@ def assemble_result(
     outcomes = [test.accepted for test in validation.tests]
     orders = tuple(model.order for model in validation.models)
     autocorrelated = any(residual.white is False for residual in validation.residuals)
-    series = _series(prepared, rows, linear)
+    parts = list(zip(prepared.session.parts, prepared.motions, strict=True))
+    series = tuple(
+        JointSeries(
+            joint.name,
+            np.concatenate([part.start + motion.time[motion.kept[:, k]] for part, motion in parts]),
+            joint.torque,
+            joint.torque - residual,
+        )
+        for k, (joint, residual) in enumerate(zip(rows, linear.residuals, strict=True))
+    )
     return IdentificationResult(
         robot=prepared.model.robot.name,
         joints=tuple(configuration.robot.joints),
@@ -318,7 +316,19 @@ def assemble_result(
             advice=prepared.advice,
         ),
         controller=() if sources is None else sources.controller,
-        fitted_gains=() if sources is None else _fitted_gains(sources, configuration),
+        fitted_gains=tuple(
+            FittedGain(
+                joint,
+                term,
+                float(fit.gains[row, column]),
+                float(fit.std[row, column]),
+                float(fit.r_squared[row]),
+            )
+            for fit in (() if sources is None else sources.fits)
+            for row, joint in enumerate(configuration.robot.joints)
+            for column, term in enumerate(fit.terms)
+            if fit.included[row, column]
+        ),
         refined=refined_result(*identified.refined, orders, parameters) if autocorrelated else None,
         series=series,
         doubts=prepared.warnings,
@@ -338,15 +348,11 @@ def _parameters(
     white_std = np.sqrt(np.diag(white_covariance(rows, linear.sigma, len(linear.values))))
     ls_std = std
     if identified.iteration is not None:
-        models = [
-            fit_autoregression(residual, joint.segments)
-            for joint, residual in zip(rows, weighted.residuals, strict=True)
-        ]
+        residuals = zip(rows, weighted.residuals, strict=True)
+        models = [fit_autoregression(residual, joint.segments) for joint, residual in residuals]
         observed = [joint.with_instruments(None) for joint in rows]
-        ls_covariance = AutocorrelatedCovariance(
-            observed, weighted.sigma, models, len(weighted.values)
-        )
-        ls_std = np.sqrt(np.diag(ls_covariance.matrix))
+        of_ls = AutocorrelatedCovariance(observed, weighted.sigma, models, len(weighted.values))
+        ls_std = np.sqrt(np.diag(of_ls.matrix))
     ordinary = solve_least_squares(rows, len(base.columns), weighted=False)
     places = {int(column): place for place, column in enumerate(essential)}
     # Estimated again with the essential parameters only, same weights.
@@ -381,28 +387,16 @@ def refined_result(
     parameters: Sequence[ParameterEstimate],
 ) -> Refined:
     """Refined estimates, and which of the unrefined ones whitening moves beyond noise."""
+    estimates, moved = [], []
     std = np.sqrt(np.diag(covariance))
-    estimates = tuple(
-        RefinedEstimate(
-            name=parameter.name,
-            expression=parameter.expression,
-            unit=parameter.unit,
-            value=float(value),
-            std=float(deviation),
-            essential=parameter.essential,
-            ls_value=parameter.ls_value,
-            given_value=parameter.given_value,
-        )
-        for parameter, value, deviation in zip(parameters, values, std, strict=True)
-    )
-    # Whitening moves no estimate further than noise does where the model is right.
-    moved = tuple(
-        parameter.name
-        for parameter, other in zip(parameters, estimates, strict=True)
-        if parameter.essential
-        and abs(in_deviations(parameter.value, parameter.std, other.value, other.std)) > _FAR_APART
-    )
-    return Refined(orders, estimates, moved)
+    for parameter, value, deviation in zip(parameters, values.tolist(), std.tolist(), strict=True):
+        same = {name: getattr(parameter, name) for name in _OF_PARAMETER}
+        estimates.append(RefinedEstimate(**same, value=value, std=deviation))
+        # Whitening moves no estimate further than noise does where the model is right.
+        apart = in_deviations(parameter.value, parameter.std, value, deviation)
+        if parameter.essential and abs(apart) > _FAR_APART:
+            moved.append(parameter.name)
+    return Refined(orders, tuple(estimates), tuple(moved))
 
 
 def _convergence(
@@ -414,34 +408,16 @@ def _convergence(
         return "the instruments do not depend on the parameters: one step"
     change, parameter = estimate.steps[-1]
     moved = f"{names[parameter]} moved last, by {100.0 * change:.2g} %"
-    tolerance = 100.0 * configuration.identification.tolerance
+    tolerance = f"{100.0 * configuration.identification.tolerance:g} %"
     if estimate.converged:
-        return f"{moved} (tolerance {tolerance:g} %)"
-    return f"not converged: {moved}, more than {tolerance:g} %"
+        return f"{moved} (tolerance {tolerance})"
+    return f"not converged: {moved}, more than {tolerance}"
 
 
 def _relative_error(rows: Sequence[JointRows], linear: LinearEstimate) -> float:
     error = sum(float(residual @ residual) for residual in linear.residuals)
     torque = sum(float(joint.torque @ joint.torque) for joint in rows)
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
-
-
-def _fitted_gains(
-    sources: InstrumentSources, configuration: Configuration
-) -> tuple[FittedGain, ...]:
-    return tuple(
-        FittedGain(
-            joint,
-            term,
-            float(fit.gains[row, column]),
-            float(fit.std[row, column]),
-            float(fit.r_squared[row]),
-        )
-        for fit in sources.fits
-        for row, joint in enumerate(configuration.robot.joints)
-        for column, term in enumerate(fit.terms)
-        if fit.included[row, column]
-    )
 
 
 def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
@@ -454,33 +430,13 @@ def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
             duration=recording.duration,
             session_start=part.start,
             samples=recording.samples,
-            signals=tuple(
-                signal.origin
-                for name in _SIGNALS
-                if (signal := getattr(recording, name)) is not None
-            ),
+            signals=tuple(of.origin for name in _SIGNALS if (of := getattr(recording, name))),
             clocks=recording.clocks,
             notes=recording.notes,
             dropped=motion.dropped,
             frozen=recording.frozen,
         )
         for recording, part, motion in parts
-    )
-
-
-def _series(
-    prepared: PreparedRegression, rows: Sequence[JointRows], linear: LinearEstimate
-) -> tuple[JointSeries, ...]:
-    """Measured and predicted torque of the rows that count, over the time of the session."""
-    parts = list(zip(prepared.session.parts, prepared.motions, strict=True))
-    return tuple(
-        JointSeries(
-            joint.name,
-            np.concatenate([part.start + motion.time[motion.kept[:, k]] for part, motion in parts]),
-            joint.torque,
-            joint.torque - residual,
-        )
-        for k, (joint, residual) in enumerate(zip(rows, linear.residuals, strict=True))
     )
 
 

@@ -15,13 +15,7 @@ from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.read import read_requested
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.recording.request import Request
-from idim_iv_ros.signals import (
-    Cutoffs,
-    Motion,
-    choose_cutoffs,
-    filter_motion,
-    joint_side,
-)
+from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
 from idim_iv_ros.types import FloatArray
 
 ARMATURE_MISSING = (
@@ -39,11 +33,10 @@ _REPEATED = (
 class PreparedRegression:
     """Everything that the rows of the regression are made from.
 
-    - `session`: the recordings in their order, and the time that they share
-    - `minimum_speed`: (n_joints,) rad/s
-    - `still`: joints that stand still in all recordings
-    - `reasons`: what was proposed or decided while filtering, and why
-    - `advice`: what to add to the configuration, because the recordings hold more than it names
+    `session`: the recordings in their order, and the time that they share. `minimum_speed`:
+    (n_joints,) rad/s. `still`: joints that stand still in all recordings. `reasons`: what was
+    proposed or decided while filtering, and why. `advice`: what to add to the configuration,
+    because the recordings hold more than it names.
     """
 
     configuration: Configuration
@@ -83,12 +76,8 @@ class PreparedRegression:
     @property
     def armature_missing(self) -> bool:
         """Whether the nominal model has drives without inertia because nothing was said of it."""
-        configuration = self.configuration
-        return (
-            self.given is not None
-            and configuration.identification.drive_inertia
-            and not self.model.robot.armature_given
-        )
+        drives = self.configuration.identification.drive_inertia
+        return drives and not self.why_no_given and not self.model.robot.armature_given
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -105,11 +94,8 @@ class PreparedRegression:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences of doubt about the nominal model, and on what is wrong with the signals."""
-        joints = self.configuration.robot.joints
-        return self.doubts + tuple(
-            f"{joints[joint_finding.joint]}: {joint_finding.sentence}"
-            for joint_finding in self.joint_findings
-        )
+        joints, wrong = self.configuration.robot.joints, self.joint_findings
+        return self.doubts + tuple(f"{joints[of.joint]}: {of.sentence}" for of in wrong)
 
 
 def prepare(recordings: Sequence[Recording], configuration: Configuration) -> PreparedRegression:
@@ -137,10 +123,8 @@ def prepare(recordings: Sequence[Recording], configuration: Configuration) -> Pr
     records = [joint_side(recording, configuration) for recording in recordings]
     repeating = []
     for place, record in enumerate(records):
-        reference = record.position_reference
-        if reference is None or configuration.signals.effort_topic is None:
-            continue
-        if repeats_motion(record.position, reference):
+        reference, servo = record.position_reference, configuration.signals.effort_topic is None
+        if reference is not None and not servo and repeats_motion(record.position, reference):
             repeating.append(f"{record.name}: {_REPEATED}")
             records[place] = replace(record, position_reference=None, velocity_reference=None)
     source = str(configuration.source or "the configuration")
@@ -229,13 +213,12 @@ def require_excitation(prepared: PreparedRegression, rows: Sequence[JointRows]) 
     """
     names = prepared.model.base.names
     where = ", ".join(recording.path.name for recording in prepared.recordings)
-    for joint, of_joint in enumerate(rows):
-        if len(of_joint) == 0:
-            name = prepared.configuration.robot.joints[joint]
+    for joint, speed in zip(rows, prepared.minimum_speed, strict=True):
+        if len(joint) == 0:
             raise DataError(
-                f"{where}: {name} has no usable sample (it never exceeds "
-                f"{prepared.minimum_speed[joint]:.3g} rad/s, or nothing was measured); "
-                "record a motion of this joint or leave it out of robot.joints"
+                f"{where}: {joint.name} has no usable sample (it never exceeds {speed:.3g} rad/s, "
+                "or nothing was measured); record a motion of this joint or leave it out of "
+                "robot.joints"
             )
     unseen = unseen_parameters(rows, len(names))
     if unseen:

@@ -93,15 +93,16 @@ def joint_findings(
     turned: dict[int, list[str]] = {}  # recordings in which the effort has another sign
     for motion in motions if len(motions) > 1 else ():
         for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
-            if effort and _Signals(model, [motion], joint, effort_unit).opposite(effort):
+            if effort and opposite_sign(effort):
                 turned.setdefault(joint, []).append(motion.signals.name)
     for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
         findings += positions[joint]
-        if joint in spoilt and joint not in wrong:
+        if joint in wrong:
+            continue
+        if joint in spoilt:
             names = ", ".join(model.robot.joints[k] for k in wrong)
             sentence = f"its torque depends on the motion of {names}, which cannot be right"
             findings.append(JointFinding(joint, "unusable", sentence, left_out=True))
-        if joint in spoilt or joint in wrong:
             continue
         findings += _too_few_rows(model, motions, cutoffs, joint)
         findings += signals.outliers()
@@ -119,8 +120,7 @@ def joint_findings(
         if asked is not None:
             moved = motion.signals.position[span]
             wrong_of |= wrong_references(moved, asked[span], model.robot.joints)
-    for joint, sentence in sorted(wrong_of.items()):
-        findings.append(JointFinding(joint, "limited", sentence))
+    findings += [JointFinding(joint, "limited", wrong_of[joint]) for joint in sorted(wrong_of)]
     return tuple(findings)
 
 
@@ -180,10 +180,10 @@ def in_smaller_units(ratios: Mapping[int, float], sizes: Mapping[int, float]) ->
     for joint, ratio in ratios.items():
         usual = [value for other, value in ratios.items() if other != joint and value > 0.0]
         others = [size for other, size in sizes.items() if other != joint]
-        if not usual or sizes[joint] < ANOTHER_UNIT * np.median(others):
-            continue
-        if ratio > ANOTHER_UNIT * max(1.0, float(np.median(usual))):
-            made[joint] = ratio / float(np.median(usual))
+        if usual and sizes[joint] >= ANOTHER_UNIT * np.median(others):
+            middle = float(np.median(usual))
+            if ratio > ANOTHER_UNIT * max(1.0, middle):
+                made[joint] = ratio / middle
     return made
 
 
@@ -230,6 +230,24 @@ def _too_few_rows(
     yield JointFinding(joint, "limited", sentence, left_out=rows < FEWEST_ROWS_PER_COLUMN * columns)
 
 
+def opposite_sign(effort: EffortStatistics) -> str:
+    """Say that an effort has the opposite sign; friction that takes energy out excludes it."""
+    torque, friction = effort.torque, effort.friction
+    if friction is None or friction.certainty > _POSITIVE:
+        return ""
+    reasons = []
+    if friction.certainty < -_SIGNIFICANT and friction.of_variance > _MOSTLY_FRICTION:
+        reasons.append(f"friction gives energy ({friction.value:.3g} along the speed)")
+    if torque is not None and torque.certainty < -_SIGNIFICANT:
+        reasons.append(f"it is {torque.value:.2g} times the nominal masses' torque")
+    if not reasons:
+        return ""
+    return (
+        f"the effort has the opposite sign: {' and '.join(reasons)}; give it a negative "
+        "signals.effort_scale"
+    )
+
+
 class _Signals:
     """Positions, speeds and efforts of a joint in all recordings, and the tests of them."""
 
@@ -257,11 +275,11 @@ class _Signals:
         speed = float(np.quantile(np.abs(self.speed), 1.0 - TAIL))
         span, room = high - low, _BEYOND * (upper - lower)
         moved = f"positions from {low:.3g} to {high:.3g} {angle}"
-        given = f"{lower:.3g} to {upper:.3g} {angle} of the URDF"
         limited = bool(np.isfinite(room))
         if limited:
             inside = lower - room <= low * _DEGREE and high * _DEGREE <= upper + room
             degrees = span > _TOO_FAR * (upper - lower) and inside
+            given = f"{lower:.3g} to {upper:.3g} {angle} of the URDF"
         else:
             degrees = span > _TURNS and speed > _TOO_FAR * fastest >= _TOO_FAR * speed * _DEGREE
             given = f"the speed limit of {fastest:.3g} {angle}/s of the URDF"
@@ -273,11 +291,9 @@ class _Signals:
             yield JointFinding(self.joint, "unusable", sentence, left_out=True)
             return
         if limited and (low < lower - room or high > upper + room):
-            why = (
-                "does its zero differ? Then give robot.position_offset"
-                if span <= upper - lower + 2.0 * room
-                else "is it the URDF of this robot, and the unit of its signals?"
-            )
+            why = "is it the URDF of this robot, and the unit of its signals?"
+            if span <= upper - lower + 2.0 * room:
+                why = "does its zero differ? Then give robot.position_offset"
             yield JointFinding(self.joint, "limited", f"{moved}, outside {given}: {why}")
         if speed > _TOO_FAST * fastest:
             sentence = (
@@ -292,19 +308,18 @@ class _Signals:
         usual = float(np.quantile(size, 1.0 - TAIL))
         count = int(np.count_nonzero(size > _OUTLIER * usual))
         if usual > 0.0 and count:
-            yield JointFinding(
-                self.joint,
-                "limited",
+            sentence = (
                 f"{count} of {len(size)} efforts are far above all others (largest "
-                f"{size.max():.3g}, usual up to {usual:.3g}): look at the driver",
+                f"{size.max():.3g}, usual up to {usual:.3g}): look at the driver"
             )
+            yield JointFinding(self.joint, "limited", sentence)
 
     def efforts(self, effort: EffortStatistics, times: float | None) -> Iterator[JointFinding]:
         """Efforts that cannot be the torque of this joint.
 
         `times`: by how much the effort is larger than the other joints' units make it, if it is.
         """
-        sentence = self._unsigned(effort) or self.opposite(effort) or self._static(effort)
+        sentence = self._unsigned(effort) or opposite_sign(effort) or self._static(effort)
         if not sentence and times is not None:
             sentence = (
                 f"the effort is {times:.2g} times what the nominal masses need in the unit of the "
@@ -336,23 +351,6 @@ class _Signals:
             "publishes its size alone; record one with a sign"
         )
 
-    def opposite(self, effort: EffortStatistics) -> str:
-        """Say that the sign is opposite; friction that takes energy out excludes it."""
-        against = effort.torque is not None and effort.torque.certainty < -_SIGNIFICANT
-        friction = effort.friction
-        if friction is None or friction.certainty > _POSITIVE:
-            return ""
-        driven = friction.certainty < -_SIGNIFICANT and friction.of_variance > _MOSTLY_FRICTION
-        if not (against or driven):
-            return ""
-        reasons = [f"friction gives energy ({friction.value:.3g} along the speed)"] * driven
-        if effort.torque is not None and against:
-            reasons.append(f"it is {effort.torque.value:.2g} times the nominal masses' torque")
-        return (
-            f"the effort has the opposite sign: {' and '.join(reasons)}; give it a negative "
-            "signals.effort_scale"
-        )
-
     def _static(self, effort: EffortStatistics) -> str:
         if not self.in_newton_metres or effort.static_share < _STATIC:
             return ""
@@ -378,10 +376,9 @@ def link_findings(motions: Sequence[Motion], joint_types: Sequence[str]) -> Iter
             if signals.link_position is None or signals.link_valid is None:
                 return
             valid = signals.link_valid[span, joint]
+            sides = (of[span, joint][valid] for of in (signals.position, signals.link_position))
             if valid.any():
-                motor = signals.position[span, joint][valid]
-                link = signals.link_position[span, joint][valid]
-                pairs.append((motor - motor.mean(), link - link.mean()))
+                pairs.append([side - side.mean() for side in sides])
         if len(pairs) < len(motions):
             continue
         motor, link = (np.concatenate(signals_of) for signals_of in zip(*pairs, strict=True))
@@ -389,20 +386,19 @@ def link_findings(motions: Sequence[Motion], joint_types: Sequence[str]) -> Iter
         if energy <= 0.0:
             continue
         ratio = float(motor @ link) / energy
+        level: Level = "limited"
         if abs(ratio) < _STANDS_STILL:
             sentence = "the encoder behind the gear stands still while the motor turns"
-            yield JointFinding(joint, "limited", sentence)
         elif abs(ratio - 1.0) > _ANOTHER_RATIO:
             sentence = (
                 f"the encoder behind the gear turns {ratio:.3g} times as far as the motor: look "
                 "at its unit and sign, and at the gear ratio"
             )
-            yield JointFinding(joint, "limited", sentence)
         else:
-            apart = float(np.sqrt(np.mean((motor - link) ** 2)))
+            level, apart = "good", float(np.sqrt(np.mean((motor - link) ** 2)))
             sentence = (
                 f"an encoder behind the gear: it differs from the motor by {1e3 * apart:.3g} "
                 f"m{unit_at('rad', kind)} rms, twist, play and time offset together; diagnose "
                 "tells them apart"
             )
-            yield JointFinding(joint, "good", sentence)
+        yield JointFinding(joint, level, sentence)

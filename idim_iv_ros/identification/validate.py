@@ -6,11 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
-from idim_iv_ros.estimation.instruments import (
-    Instruments,
-    SimulatedLoop,
-    SourceFailure,
-)
+from idim_iv_ros.estimation.instruments import Instruments, SimulatedLoop, SourceFailure
 from idim_iv_ros.estimation.least_squares import LinearEstimate, white_covariance
 from idim_iv_ros.estimation.observation import CHUNK, observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
@@ -48,10 +44,7 @@ _FEWEST = 10
 
 @dataclass(frozen=True)
 class Validation:
-    """What the tests say of one estimate; see `IdentificationResult` for its parts.
-
-    `specification` has one group of tests for each joint.
-    """
+    """What the tests say of one estimate; `specification` has one group of tests a joint."""
 
     tests: tuple[HypothesisTest, ...]
     exogeneity: tuple[HypothesisTest, ...]
@@ -136,10 +129,8 @@ def _tested(
     if wanted <= 0.0 or cutoff < _DENSER * wanted:
         return as_it_is
     times = int(cutoff / wanted)
-    if any(
-        motion.decimation.factor * times * _FEWEST > motion.decimation.samples
-        for motion in prepared.motions
-    ):
+    decimations = [motion.decimation for motion in prepared.motions]
+    if any(of.factor * times * _FEWEST > of.samples for of in decimations):
         return as_it_is  # gains so low that the loop takes longer than the recording
     motions = tuple(
         decimated_motion(
@@ -158,10 +149,10 @@ def _tested(
         instruments = slower.instruments(values, values)
     except SourceFailure:
         return as_it_is
+    row_rate, natural = prepared.cutoffs.row_rate / times, wanted / _TIMES_THE_LOOP
     note = (
-        f"tested on {prepared.cutoffs.row_rate / times:.3g} rows per second: the fastest loop has "
-        "a natural frequency of "
-        f"{wanted / _TIMES_THE_LOOP:.3g} Hz, and denser rows say nothing more"
+        f"tested on {row_rate:.3g} rows per second: the fastest loop has a natural frequency of "
+        f"{natural:.3g} Hz, and denser rows say nothing more"
     )
     rows = with_instruments(observation_rows(prepared.model, motions), instruments.matrices)
     return slower, rows, instruments, note

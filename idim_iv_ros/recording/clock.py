@@ -67,16 +67,14 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     if count < 2:
         raise DataError(f"{where}: {count} messages on {topic}: nothing to identify from")
     # A driver that leaves stamps empty may still set a few.
-    headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * len(messages)
+    headed = np.count_nonzero(np.diff(messages.stamps)) > _STAMPED * count
     arrival = np.clip(messages.arrival, -_FURTHEST, _FURTHEST)
     time = messages.stamps if headed else arrival
-    arrived = Note(topic, "no header stamps: times of arrival are used", len(messages))
-    notes = [] if headed else [arrived]
+    notes = [] if headed else [Note(topic, "no header stamps: times of arrival are used", count)]
     steps = np.diff(time)
-    forward = steps[steps > 0]
-    if len(forward) == 0:
+    if steps.max() <= 0:
         raise DataError(f"{where}: time never advances on {topic}")
-    interval = float(np.median(forward))
+    interval = float(np.median(steps[steps > 0]))
     backward = int(np.count_nonzero(steps < 0))
     if backward > _MOSTLY_BACKWARD * len(steps):
         raise DataError(
@@ -90,7 +88,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
     if late:
         notes.append(Note(topic, "messages out of order were sorted by their stamp", late))
     ordered = time[order]
-    if not np.array_equal(order, np.arange(len(messages))):
+    if not np.array_equal(order, np.arange(count)):
         messages = messages.taken(order)
     fresh = np.concatenate([[True], np.diff(ordered) > 0])
     messages, repeated = _one_per_stamp(messages, fresh)
@@ -128,14 +126,13 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
 
 
 def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:
-    """Merge sorted messages with equal stamps: the first finite number of each joint counts.
+    """Merge sorted messages with equal stamps, of which `fresh` (n,) marks the first ones.
 
-    `fresh` (n,) marks the first message of each stamp. Returns the merged messages, and how many
-    messages added nothing.
+    The first finite number of each joint counts. Also returns how many messages added nothing.
     """
-    if fresh.all():
-        return messages, 0
     later = np.flatnonzero(~fresh)[::-1]  # the first of several is written last
+    if not len(later):
+        return messages, 0
     first = (np.cumsum(fresh) - 1)[later]
     whole, adds = messages.taken(np.flatnonzero(fresh)), np.zeros(len(later), dtype=bool)
     for name, values in whole.values.items():
@@ -151,9 +148,8 @@ def on_one_clock(
 ) -> tuple[IntArray, list[Note]]:
     """Find the messages that one clock stamped; leave out stray stamps and those of a clock reset.
 
-    Segments without a jump of time are chained such that most messages remain and time increases.
-
-    `time` and `arrival` (n,) are stamps and times of arrival, `interval` is that of sampling, ns.
+    `time`, `arrival` (n,): stamps and times of arrival; `interval`: of sampling, ns. Segments
+    without a jump of time are chained such that most messages remain and time increases.
     Returns the places (k,) of these messages, and a note on the others.
     """
     # After a pause, too, a stretch begins: a stray time of arrival makes one.

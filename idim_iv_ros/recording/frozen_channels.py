@@ -37,10 +37,9 @@ def without_frozen(
     joints: Sequence[str],
     start: int,
 ) -> tuple[Mapping[str, StampedMessages], tuple[FrozenStretches, ...]]:
-    """Replace frozen values of efforts and positions by NaN.
+    """Replace frozen values of efforts and positions by NaN, and describe the frozen stretches.
 
-    `joint_states` and `effort` are their topics, `start` is that of the recording, ns. Returns the
-    messages of each topic, and a description of the frozen stretches.
+    `joint_states` and `effort` are their topics, `start` is that of the recording, ns.
     """
     states, efforts = stamped[joint_states], stamped[effort]
     sources = {"position": joint_states, "effort": effort}
@@ -49,7 +48,9 @@ def without_frozen(
     stretches: list[FrozenStretches] = []
     for column, joint in enumerate(joints):
         aligned = position = values["position"][:, column]
-        frozen["position"][:, column] = frozen_positions(position, moving_speed(position))
+        frozen["position"][:, column] = frozen_runs(
+            position, position, moving_speed(position), jumps=True
+        )
         if not np.array_equal(efforts.time, states.time):
             finite, begin = np.isfinite(position), states.time[0]
             measured = states.time[finite] - begin, position[finite]
@@ -71,24 +72,20 @@ def without_frozen(
 def frozen_efforts(effort: FloatArray, position: FloatArray, speed: float) -> BoolArray:
     """Mark the frozen values of an effort, (n,) bool; the first value of each run is measured.
 
-    `effort`: (n,) of one joint, as published. `position`: (n,) of the same joint at the same times.
-    `speed`: from which the joint moves, per sample; see `moving_speed`.
+    `effort`, `position` (n,): of one joint at the same times, the first as published. `speed`: from
+    which the joint moves, per sample; see `moving_speed`.
     """
-    frozen = _find_runs(effort, position, speed, jumps=False)
-    if not frozen.any():
-        return frozen
-    finite = effort[np.isfinite(effort)]
-    # At its limits a driver clips; zero is what it shows without torque.
-    inside = (effort > finite.min()) & (effort < finite.max()) & (effort != 0.0)
-    return np.asarray(inside & frozen)
+    frozen = frozen_runs(effort, position, speed, jumps=False)
+    if frozen.any():
+        finite = effort[np.isfinite(effort)]
+        # At its limits a driver clips; zero is what it shows without torque.
+        frozen &= (effort > finite.min()) & (effort < finite.max()) & (effort != 0.0)
+    return frozen
 
 
-def frozen_positions(position: FloatArray, speed: float) -> BoolArray:
-    """Mark frozen values of a position (n,) that end in a jump, (n,) bool; see `frozen_efforts`."""
-    return _find_runs(position, position, speed, jumps=True)
-
-
-def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps: bool) -> BoolArray:
+def frozen_runs(
+    values: FloatArray, position: FloatArray, speed: float, *, jumps: bool
+) -> BoolArray:
     """Mark runs of equal values (n,) that are unusually long while the joint moves, (n,) bool.
 
     With `jumps`, and where the channel is smooth, a run must end in a jump; else it must be much
@@ -126,11 +123,9 @@ def _find_runs(values: FloatArray, position: FloatArray, speed: float, *, jumps:
         chosen &= steps[last] > _JUMP * np.maximum(following[last + 1], smallest)
     else:
         chosen[chosen] = _is_isolated(lengths, moved, np.flatnonzero(chosen))
-    # All places of the runs but the first: that one was measured.
-    change = np.zeros(len(values) + 1, dtype=int)
-    change[first[chosen] + 1] += 1
-    change[last[chosen] + 1] -= 1
-    return np.asarray(np.cumsum(change)[:-1] > 0)
+    frozen = np.repeat(chosen, lengths)
+    frozen[first] = False  # that one was measured
+    return frozen
 
 
 def moving_speed(position: FloatArray) -> float:
@@ -155,12 +150,11 @@ def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolA
     ends = np.cumsum(lengths)  # sample behind each run
     others = np.where(moved, lengths, 0)
     others[chosen] = 0
-    alone = np.empty(len(chosen), dtype=bool)
-    for place, run in enumerate(chosen):
-        around = _AROUND * lengths[run]
-        begin, end = np.searchsorted(ends, [ends[run] - lengths[run] - around, ends[run] + around])
-        alone[place] = _LONGER * others[begin : end + 1].max() <= lengths[run]
-    return alone
+    around = _AROUND * lengths[chosen]
+    begins = np.searchsorted(ends, ends[chosen] - lengths[chosen] - around)
+    stops = np.searchsorted(ends, ends[chosen] + around) + 1
+    longest = [others[begin:stop].max() for begin, stop in zip(begins, stops, strict=True)]
+    return np.asarray(_LONGER * np.array(longest) <= lengths[chosen])
 
 
 def _describe(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches:

@@ -191,15 +191,17 @@ def _assemble(
         torque = Signal(np.zeros(shape), np.zeros(shape, dtype=bool), "no effort")
     else:
         torque = joined(grid, parts, effort, "effort")
-    for column, joint in enumerate(() if effort is None else joints):
-        if not torque.values[:, column].any():
+        for joint in np.flatnonzero(~torque.values.any(axis=0))[:1]:
             why = (
                 "is zero throughout: the driver does not publish it; record it, or leave the joint "
                 "out of robot.joints if it carries none that moves"
             )
-            if torque.invented[:, column].all():
+            if torque.invented[:, joint].all():
                 why = "is missing wherever positions are recorded"
-            raise DataError(f"{path}: effort of {joint} on {effort} {why}")
+            raise DataError(f"{path}: effort of {joints[joint]} on {effort} {why}")
+    asked = None
+    if reference:
+        asked = joined(grid, parts, reference, "position", stepwise=effort is None)
     return Recording(
         path=path,
         joints=tuple(joints),
@@ -208,11 +210,7 @@ def _assemble(
         position=joined(grid, parts, joint_states, "position"),
         effort=torque,
         velocity=_velocity(grid, parts, joint_states),
-        position_reference=(
-            joined(grid, parts, reference, "position", stepwise=effort is None)
-            if reference
-            else None
-        ),
+        position_reference=asked,
         velocity_reference=_velocity(grid, parts, reference) if reference else None,
         link_position=joined(grid, parts, links, "position") if links else None,
         clocks=tuple(dict.fromkeys(clocks)),
@@ -225,9 +223,8 @@ def _assemble(
 def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[Grid, list[Note]]:
     """Return the grid of the time that all topics cover, at the rate of the slowest part.
 
-    Also returns a note if time was cut off because the controller was not active.
-
-    Raises DataError: the topics do not overlap, or there are too few samples or too many gaps.
+    And a note if time was cut off because the controller was not active. Raises DataError: the
+    topics do not overlap, or there are too few samples or too many gaps.
     """
     states = max(
         (part.stamped[request.joint_states].time for part in parts),
@@ -320,6 +317,13 @@ def read_segments(
 
     Raises UsageError: no such bag. DataError or OSError: the bag or its files cannot be read.
     """
+
+    def recorded(messages: BagMessages) -> Recording | DataError:
+        try:
+            return recording_of(messages)
+        except DataError as error:
+            return error
+
     messages = BagMessages(bag, in_bag(bag, request))
     latest = dict.fromkeys(messages.request.topics, 0)
     length, end = round(1e9 * seconds), 0
@@ -332,18 +336,11 @@ def read_segments(
             while (
                 min(latest.values()) >= end + length // 2 or latest[topic] >= end + _BEHIND * length
             ):
-                yield _segment(messages.before(end))
+                yield recorded(messages.before(end))
                 end += length
             latest[topic] = max(latest[topic], int(batch.arrival.max()))
         messages.add(topic, batch)
     while end and max(latest.values()) >= end + length // 2:
-        yield _segment(messages.before(end))
+        yield recorded(messages.before(end))
         end += length
-    yield _segment(messages)
-
-
-def _segment(messages: BagMessages) -> Recording | DataError:
-    try:
-        return recording_of(messages)
-    except DataError as error:
-        return error
+    yield recorded(messages)

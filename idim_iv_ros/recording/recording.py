@@ -167,10 +167,9 @@ _LISTED = 6
 
 @dataclass(frozen=True)
 class SessionPart:
-    """Place of one recording in its session.
+    """Place of one recording in its session: `start` from its start, and `duration`, s.
 
-    `bag`: name of its file or folder, with the path where two have the same name. `start`: s from
-    the start of the session. `duration`: s.
+    `bag`: name of its file or folder, with the path where two have the same name.
     """
 
     bag: str
@@ -180,10 +179,9 @@ class SessionPart:
 
 @dataclass(frozen=True)
 class Session:
-    """Recordings in the order of their first stamps, with a common time.
+    """Recordings by their first stamps, with a common time, in which no `parts` overlap.
 
-    `parts`: place of each recording; they do not overlap. `sentences`: how stamps became the time
-    of the session; empty for a single recording.
+    `sentences`: how stamps became the time of the session; empty for a single recording.
     """
 
     recordings: tuple[Recording, ...]

@@ -81,8 +81,7 @@ class Request:
     def descriptions(self) -> list[str]:
         """Return topics that may hold the robot's description, the likeliest first.
 
-        First that of the calling node, then in the namespace of the joint states, in those around
-        it, and the global one.
+        That of the calling node, then in the namespace of the joint states, and in those around it.
         """
         likely = [self.node_topics.get(ROBOT_DESCRIPTION, "")]
         namespace = topic_of(self.joint_states)
@@ -111,9 +110,9 @@ def in_bag(bag: Bag, request: Request) -> Request:
 def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) -> Request:
     """Return the request with the full names of its `relative` topics, by configuration key.
 
-    They are resolved in one namespace, since the reference of another robot must not be used: that
-    of the calling node (``/`` without one) if the first name is there, else that of the only topic
-    whose name ends with the first name. Topics that are not in the bag get names, too.
+    All are resolved in one namespace, lest the reference of another robot is used: that of the
+    calling node (``/`` without one) if the first name is there, else that of the only topic whose
+    name ends with the first name. Topics that are not in the bag get names, too.
     """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
@@ -189,8 +188,7 @@ def robot_description(batch: MessageBatch) -> str | None:
     """Return the text of the last std_msgs/String of a batch; None for another type."""
     message = batch.message(len(batch) - 1)
     try:
-        order = "<" if message[1] == 1 else ">"
-        (size,) = struct.unpack_from(order + "I", message, 4)
+        (size,) = struct.unpack_from("<I" if message[1] == 1 else ">I", message, 4)
         return message[8 : 8 + size].rstrip(b"\0").decode("utf-8")
     except (struct.error, IndexError, UnicodeDecodeError):
         return None
@@ -218,25 +216,21 @@ def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> t
         for name, kind in bag.topics.items()
         if kind == CONTROLLER_STATE or (kind == JOINT_STATE and name not in measured)
     }
-    references: set[str] = set()
+    references: list[tuple[bool, bool, str]] = []  # the likeliest is the least
     waiting = set(kinds)
     for topic, batch in bag.unread().batches(set(kinds)) if kinds else ():
         if topic in waiting and len(batch):
             reader = JointMessageReader(topic, kinds[topic], joints, ["position"])
             reader.add(batch)
-            if np.isfinite(reader.finish().values["position"]).any(axis=0).all():
-                references.add(topic)
-                waiting.discard(topic)
-            elif kinds[topic].name == JOINT_STATE:  # a controller may not be active yet
+            complete = np.isfinite(reader.finish().values["position"]).any(axis=0).all()
+            plain = kinds[topic].name == JOINT_STATE
+            if complete:
+                references.append((plain, not sounds_like_reference(topic), topic))
+            if complete or plain:  # a controller may not be active yet
                 waiting.discard(topic)
         if not waiting:
             break
-
-    def likely(topic: str) -> tuple[bool, bool, str]:
-        of_controller = kinds[topic].name == CONTROLLER_STATE
-        return not of_controller, not sounds_like_reference(topic), topic
-
-    return tuple(sorted(references, key=likely))
+    return tuple(topic for *_, topic in sorted(references))
 
 
 def sounds_like_reference(topic: str) -> bool:

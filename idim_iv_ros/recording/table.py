@@ -16,7 +16,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from idim_iv_ros.configuration_file import read_mapping
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import FilePath, is_file, require_file_place
-from idim_iv_ros.recording.bags.joint_message_type import QUANTITIES
 from idim_iv_ros.recording.bags.joint_messages import without_impossible
 from idim_iv_ros.recording.table_file import (
     ARRAYS,
@@ -37,8 +36,7 @@ _POSITIONS = {"rad": 1.0, "deg": np.pi / 180.0, "rev": 2.0 * np.pi, "m": 1.0, "m
 _SPEEDS = {f"{unit}/s": _POSITIONS[unit] for unit in ("rad", "deg", "rev", "m", "mm")}
 _SPEEDS["rpm"] = 2.0 * np.pi / 60.0
 _EFFORTS = {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "kN": 1e3, "A": 1.0, "mA": 1e-3}
-# References and link positions have the units of positions.
-_UNITS_OF = {"velocity": _SPEEDS, "velocity_reference": _SPEEDS, "effort": _EFFORTS}
+_UNITS_OF = {"position": _POSITIONS, "velocity": _SPEEDS, "effort": _EFFORTS}
 
 _TIME = re.compile(r"^(t|time|times|timestamp|stamp|sec|secs|seconds|clock)([_ .(\[]|$)", re.I)
 _UNITS = (("ns", r"ns\b|nano"), ("us", r"us\b|µs|micro"), ("ms", r"ms\b|milli"))
@@ -56,6 +54,11 @@ _OF_ALL = re.compile("j|joints?|axis|motor|robot|arm|observation|deg|rad|nm")
 
 # Stamps of ROS messages count seconds in 32 bits.
 _LAST_STAMP = float(2**31 - 1)
+_TOPICS = {
+    "/joint_states": ("position", "velocity", "effort"),
+    "/joint_reference": ("reference", "velocity_reference"),
+    "/link_states": ("link",),
+}
 _KINDS = {"reference": "position", "link": "position", "velocity_reference": "velocity"}
 
 
@@ -138,12 +141,12 @@ def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[s
     for signal in SIGNALS:
         columns = {name: getattr(joint, signal) for name, joint in described.joints.items()}
         missing = [name for name, column in columns.items() if column is None]
-        if missing and len(missing) < len(columns):
+        if not missing:
+            signals[signal] = list(columns.values())
+        elif len(missing) < len(columns):
             raise UsageError(
                 f"{signal} of {', '.join(missing)} is missing; give it for all joints, or for none"
             )
-        if not missing:
-            signals[signal] = list(columns.values())
     wanted = [*described.rows, *(column for columns in signals.values() for column in columns)]
     time = described.time
     values = _read_columns(table, described, [*wanted, *([] if time is None else [time.column])])
@@ -158,11 +161,9 @@ def mapped_columns(described: TableMap, table: Path) -> tuple[FloatArray, dict[s
         stamps = values[time.column]
         if time.unit != "s":
             stamps = (stamps - stamps[0]) * _SECONDS[time.unit]
-    units = described.units
-    speed, position = _SPEEDS[units.velocity], _POSITIONS[units.position]
-    scales = {"velocity": speed, "velocity_reference": speed, "effort": _EFFORTS[units.effort]}
+    scales = {kind: _UNITS_OF[kind][unit] for kind, unit in described.units}
     return stamps, {
-        signal: scales.get(signal, position) * np.column_stack([values[c] for c in columns])
+        signal: scales[_KINDS.get(signal, signal)] * np.column_stack([values[c] for c in columns])
         for signal, columns in signals.items()
     }
 
@@ -281,13 +282,11 @@ def import_table(
         )
         if sentence:
             warnings.append(f"{table}: {sentence}; imported as missing")
-    measured = {name: signals[name] for name in QUANTITIES if name in signals}
-    topics = [JointTopic("/joint_states", joints, time, **measured)]
-    if "reference" in signals:
-        speeds = signals.get("velocity_reference")
-        topics.append(JointTopic("/joint_reference", joints, time, signals["reference"], speeds))
-    if "link" in signals:
-        topics.append(JointTopic("/link_states", joints, time, signals["link"]))
+    topics = [
+        JointTopic(topic, joints, time, *map(signals.get, columns_of))
+        for topic, columns_of in _TOPICS.items()
+        if columns_of[0] in signals
+    ]
     write_bag(out, topics, robot_description=robot_description, force=force)
     duration = float(time[-1] - time[0])
     rate = (len(time) - 1) / duration
@@ -298,8 +297,9 @@ def _require_stamps(time: FloatArray, source: str) -> None:
     """Raise DataError for stamps (n,) s that do not increase or are impossible."""
     if not np.isfinite(time).all():
         raise DataError(f"{source}: not every stamp is a number")
-    if np.any(np.diff(time) <= 0.0):
-        row = int(np.argmax(np.diff(time) <= 0.0)) + 1
+    behind = np.diff(time) <= 0.0
+    if behind.any():
+        row = int(np.argmax(behind)) + 1
         raise DataError(
             f"{source}: time does not advance at row {row} (counted from 0); remove rows that "
             "repeat a stamp, and sort the others by it"
@@ -321,7 +321,7 @@ def _signal_of(name: str) -> tuple[str, str] | None:
     signal = next(kind for kind in _WORDS if kind in kinds)
     if kinds >= {"reference", "velocity"}:
         signal = "velocity_reference"
-    units = _UNITS_OF.get(signal, _POSITIONS)
+    units = _UNITS_OF[_KINDS.get(signal, signal)]
     bare = _BRACKETS.sub(lambda text: "" if _matching_unit(text[1], units) else text[0], name)
     words = [word.lower() for word in _words(bare) if _kind(word) is None]
     return signal, "_".join(word for word in words if not _OF_ALL.fullmatch(word))
@@ -378,7 +378,7 @@ def proposed_map(table: Path) -> str:
         lines.append(f"  {shown}: {{{pairs}}}")
     position, velocity, effort = (
         _unit_in_names(units, [columns[signal] for columns in joints.values() if signal in columns])
-        for signal, units in (("position", _POSITIONS), ("velocity", _SPEEDS), ("effort", _EFFORTS))
+        for signal, units in _UNITS_OF.items()
     )
     lines += [
         "units:",
@@ -400,12 +400,11 @@ def _text_format(table: Path, time: str | None, positions: list[str]) -> tuple[s
 
     def readable(decimal: str, columns: list[str], *, dates: bool = False) -> bool:
         text = TextTable(table, decimal=decimal)
-        try:
+        with suppress(DataError, UsageError):  # with another decimal sign other columns are cut
             numbers = [text.number(name) for name in columns]
             text.columns(numbers, numbers[0] if dates else None)
-        except (DataError, UsageError):  # with another decimal sign other columns are cut
-            return False
-        return True
+            return True
+        return False
 
     if table.suffix.lower() not in TEXT:
         return ".", False

@@ -63,14 +63,9 @@ def array_names(path: Path) -> list[str]:
 
         return [name for name, _, _ in whosmat(path)]
     names: list[str] = []
-
-    def add(name: str, item: Any) -> None:
-        if hasattr(item, "shape"):
-            names.append(name)
-
     with needs_tables(path, "h5py").File(path) as file:
-        file.visititems(add)
-    return names
+        file.visit(names.append)
+        return [name for name in names if hasattr(file[name], "shape")]
 
 
 def read_array(path: Path, name: str) -> FloatArray:
@@ -123,10 +118,7 @@ def _array(path: Path, name: str) -> Any:
 
 
 def needs_tables(path: Path, module: str) -> Any:
-    """Import a module that only some tables need, and return it.
-
-    Raises UsageError: it is not installed.
-    """
+    """Import a module that only some tables need; raise UsageError where it is not installed."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -138,10 +130,9 @@ class TextTable:
     """A table in text, with or without a row of names.
 
     `delimiter` between columns; empty: the most frequent one in the first row. `decimal`: ``.`` or
-    ``,``. `comment` begins lines that are skipped; empty: none.
-
-    `names`: names of the columns, or their numbers from 0. A comment in front of the numbers counts
-    as names if it has as many columns, as NumPy writes it.
+    ``,``. `comment` begins lines that are skipped; empty: none. `names`: names of the columns, or
+    their numbers from 0. A comment in front of the numbers counts as names if it has as many
+    columns, as NumPy writes it.
 
     Raises UsageError: there is nothing but comments.
     """

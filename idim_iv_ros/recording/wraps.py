@@ -28,10 +28,10 @@ _WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A position without wraps.
+    """A position without wraps, (n,) rad.
 
-    `position` (n,) rad. `wraps`: how many were removed. `breaks` (k,) int: samples behind gaps,
-    from which on the number of turns is a guess.
+    `wraps`: how many were removed. `breaks` (k,) int: samples behind gaps, from which on the number
+    of turns is a guess.
     """
 
     position: FloatArray
@@ -58,9 +58,7 @@ def without_wraps(
         states = stamped[joint_states]
         position = unwrapped(states.time, states.messages.values["position"][:, column])
         if position.wraps:
-            new[joint_states] = _with_positions(
-                new[joint_states], column, position, _sentence(joint, position)
-            )
+            new[joint_states] = _with_positions(new[joint_states], column, joint, position)
         for follower in followers:
             if follower != joint_states:
                 new[follower] = _follow_turns(position, states.time, new[follower], column, joint)
@@ -77,11 +75,8 @@ def _follow_turns(
     turns = _turns_between(time, position, topic.time, reference)
     if not reference.wraps and not turns.any():
         return topic
-    sentence = _sentence(joint, reference)
-    if not reference.wraps:
-        sentence = f"the reference of {joint} is put into the same turn as its position"
     whole = replace(reference, position=reference.position + TURN * turns)
-    return _with_positions(topic, column, whole, sentence)
+    return _with_positions(topic, column, joint, whole)
 
 
 def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
@@ -107,13 +102,10 @@ def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
     wraps = (turns != 0.0) & plausible
     if not wraps.any():
         return unchanged
-    gap = interval > GAP * float(np.median(interval))
-    unsure = gap & (np.abs(steps) > _LARGEST) & ~wraps
-    undone = np.where(wraps | unsure, turns, 0.0)
+    unsure = (interval > GAP * float(np.median(interval))) & (np.abs(steps) > _LARGEST)
     whole = position.copy()
-    whole[finite[1:]] -= TURN * np.cumsum(undone)
-    breaks = finite[1:][gap & (np.abs(steps) > _LARGEST)]
-    return Unwrapped(whole, int(np.count_nonzero(wraps)), breaks)
+    whole[finite[1:]] -= TURN * np.cumsum(np.where(wraps | unsure, turns, 0.0))
+    return Unwrapped(whole, int(np.count_nonzero(wraps)), finite[1:][unsure])
 
 
 def _turns_between(
@@ -124,31 +116,27 @@ def _turns_between(
     start = time[0]
     positions = np.interp(reference_time - start, (time - start)[finite], position.position[finite])
     ahead = positions - reference.position
-    stretch = np.searchsorted(time[position.breaks], reference_time, side="right")
-    reference_breaks = np.zeros(len(reference_time), dtype=np.int64)
-    reference_breaks[reference.breaks] = 1
-    stretch = stretch + np.cumsum(reference_breaks)
     turns = np.zeros(len(reference_time))
-    begins = np.flatnonzero(np.diff(stretch, prepend=-1))
-    for begin, end in zip(begins, [*begins[1:], len(stretch)], strict=True):
-        ahead_here = ahead[begin:end][np.isfinite(ahead[begin:end])]
+    behind = np.searchsorted(reference_time, time[position.breaks])
+    cuts = np.unique(np.concatenate([behind, reference.breaks]))
+    for stretch in np.split(np.arange(len(turns)), cuts):
+        ahead_here = ahead[stretch][np.isfinite(ahead[stretch])]
         if len(ahead_here) == 0:
             continue
         middle = float(np.median(ahead_here))
         nearest = round(middle / TURN)
         if position.wraps or reference.wraps or abs(middle - TURN * nearest) < _WHOLE:
-            turns[begin:end] = nearest
+            turns[stretch] = nearest
     return turns
 
 
-def _sentence(joint: str, position: Unwrapped) -> str:
-    times = "once" if position.wraps == 1 else f"{position.wraps} times"
-    return f"position of {joint} wraps after one turn ({times}): unwrapped"
-
-
 def _with_positions(
-    stamped: StampedMessages, column: int, position: Unwrapped, sentence: str
+    stamped: StampedMessages, column: int, joint: str, position: Unwrapped
 ) -> StampedMessages:
     values = stamped.messages.values["position"].copy()
     values[:, column] = position.position
+    times = "once" if position.wraps == 1 else f"{position.wraps} times"
+    sentence = f"position of {joint} wraps after one turn ({times}): unwrapped"
+    if not position.wraps:
+        sentence = f"the reference of {joint} is put into the same turn as its position"
     return stamped.with_values("position", values, Note(stamped.messages.topic, sentence, 1))

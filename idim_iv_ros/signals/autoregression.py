@@ -3,11 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 import scipy
 
-from idim_iv_ros.signals.autoregression_kernel import burg, whiten_lines, whiten_lines_adjoint
+from idim_iv_ros.compilation import entry
 from idim_iv_ros.types import FloatArray, IntArray
 
 _ROWS_PER_COEFFICIENT = 10
@@ -85,11 +86,9 @@ class AutoregressiveModel:
         polynomial, energy = np.ones(1), float(covariance[0])
         reflections = []
         for order in range(1, self.order + 1):
-            reflection = -float(polynomial @ covariance[order:0:-1]) / energy
-            longer = np.append(polynomial, 0.0)
-            polynomial = longer + reflection * longer[::-1]
-            energy *= 1.0 - reflection**2
-            reflections.append(reflection)
+            reflections.append(-float(polynomial @ covariance[order:0:-1]) / energy)
+            polynomial = _longer(polynomial, reflections[-1])
+            energy *= 1.0 - reflections[-1] ** 2
         return AutoregressiveModel(np.array(reflections), self.variance * energy)
 
     def standardized(self, rows: FloatArray, segments: Sequence[slice]) -> FloatArray:
@@ -113,11 +112,7 @@ class AutoregressiveModel:
     @cached_property
     def _predictors(self) -> list[FloatArray]:
         """Polynomials of order 0 … p by the Levinson recursion."""
-        polynomials = [np.ones(1)]
-        for reflection in self.reflections:
-            longer = np.append(polynomials[-1], 0.0)
-            polynomials.append(longer + reflection * longer[::-1])
-        return polynomials
+        return list(accumulate(self.reflections, _longer, initial=np.ones(1)))
 
     @cached_property
     def _start(self) -> FloatArray:
@@ -136,9 +131,7 @@ class AutoregressiveModel:
 
         `rows` (r,) or (r, k): y, or columns of X or Z, of one joint. `segments`: rows that are
         contiguous in time. They must cover every row in order; rows of different segments are taken
-        as independent.
-
-        Returns ndarray of the shape of `rows`, in single precision where they are.
+        as independent. Returns ndarray of the shape of `rows`, in single precision where they are.
         """
         return self._filtered(rows, segments, 1.0, whiten_lines)
 
@@ -158,16 +151,15 @@ class AutoregressiveModel:
     def shaping_adjoint(self, rows: FloatArray, positions: IntArray) -> FloatArray:
         """Apply the transposed shaping filter 1/C to rows zero-filled on their regular grid.
 
-        With G the result, σ² GᵀG = rowsᵀ R rows exactly, where R is the covariance that the
-        model gives the residual at the rows' places. This is what the covariance of an
-        estimate needs that did not filter its rows. Dropped rows stay zero: the residual
-        exists there, only nobody weighs it.
+        With G the result, σ² GᵀG = rowsᵀ R rows exactly, where R is the covariance that the model
+        gives the residual at the rows' places: what the covariance of an estimate needs that did
+        not filter its rows. Dropped rows stay zero: the residual exists there, only nobody weighs
+        it.
 
         `rows` (r, k): columns of Z of one joint, unfiltered. `positions` (r,) increasing int: place
-        of each row on the regular grid of the series. Places further apart than the memory of the
-        filter are taken as independent, so that recordings may be kept apart by any large step.
-
-        Returns (g, k) with g ≥ r: one row for each place of the grid that was filled.
+        of each row on the regular grid; those further apart than the memory of the filter, as
+        recordings are, count as independent. Returns (g, k) with g ≥ r: one row for each place that
+        was filled.
         """
         if len(rows) == 0 or self.order == 0:
             return np.array(rows, dtype=float)
@@ -208,6 +200,12 @@ class AutoregressiveModel:
         return int(np.flatnonzero(response > 1e-3 * response.max())[-1]) + 1
 
 
+def _longer(polynomial: FloatArray, reflection: float) -> FloatArray:
+    """One step of the Levinson recursion: the polynomial (k + 1,) of the next order."""
+    longer = np.append(polynomial, 0.0)
+    return longer + reflection * longer[::-1]
+
+
 def fit_autoregression(
     residual: FloatArray, segments: Sequence[slice], *, max_order: int | None = None
 ) -> AutoregressiveModel:
@@ -219,11 +217,10 @@ def fit_autoregression(
     the exact start of every segment is r ln σ₀² + Σ_k n_k ln(1 − κ_k²); AIC adds 2 for each
     coefficient. The mean is not removed: an offset belongs to the model of the joint.
 
-    - `residual`: (r,) or (r, m), residual of one joint, y − X β̂; the energies of several columns
-      are summed
-    - `segments`: rows that are contiguous in time
-    - `max_order`: highest order tried; by default 100 or, if that is lower, the order at which ten
-      rows with a full past are left for each coefficient
+    `residual`: (r,) or (r, m), residual of one joint, y − X β̂; the energies of several columns are
+    summed. `segments`: rows that are contiguous in time. `max_order`: highest order tried; by
+    default 100 or, if that is lower, the order at which ten rows with a full past are left for each
+    coefficient.
     """
     residual = np.asarray(residual, dtype=float)
     place = _place_in_segment(segments, len(residual))
@@ -246,10 +243,9 @@ def fit_autoregression(
 def burg_reflections(series: FloatArray, segments: Sequence[slice], order: int) -> FloatArray:
     """Reflection coefficients κ₁ … of Burg's recursion over all segments.
 
-    - `series`: (r,) or (r, m), several columns are realisations of one process: their energies are
-      summed
-    - `segments`: rows that are contiguous in time
-    - `order`: how many are wanted; fewer are returned when nothing is left to predict
+    `series`: (r,) or (r, m), several columns are realisations of one process: their energies are
+    summed. `segments`: rows that are contiguous in time. `order`: how many are wanted; fewer are
+    returned when nothing is left to predict.
     """
     series = series.reshape(len(series), -1)
     reflections = np.empty(order)
@@ -280,3 +276,100 @@ def _starts(segments: Sequence[slice], n_rows: int) -> IntArray:
     if starts[-1] != n_rows:
         raise ValueError(f"segments cover {starts[-1]} rows of {n_rows}")
     return starts
+
+
+@entry
+def whiten_lines(
+    lines: FloatArray,
+    starts: IntArray,
+    polynomial: FloatArray,
+    start: FloatArray,
+    scale: float,
+    whitened: FloatArray,
+) -> None:
+    """Apply a prediction-error filter within each segment, compiled.
+
+    `lines`: (k, r), one column of rows a line. `starts`: (m + 1,) int, first row of each segment,
+    and the number of rows. `polynomial`: (p + 1,), 1, c₁ … c_p. `start`: (p, p) lower triangular,
+    whitens the first p rows of a segment.
+    """
+    order = len(polynomial) - 1
+    for k in range(len(lines)):
+        line, made = lines[k], whitened[k]
+        for t in range(len(line)):
+            made[t] = scale * line[t]
+        for lag in range(1, order + 1):
+            weight = scale * polynomial[lag]
+            past, now = line[: len(line) - lag], made[lag:]
+            for t in range(len(now)):
+                now[t] += weight * past[t]
+        for m in range(len(starts) - 1):
+            first = starts[m]
+            for row in range(min(order, starts[m + 1] - first)):
+                total = 0.0
+                for column in range(row + 1):
+                    total += start[row, column] * line[first + column]
+                made[first + row] = scale * total
+
+
+@entry
+def whiten_lines_adjoint(
+    lines: FloatArray,
+    starts: IntArray,
+    polynomial: FloatArray,
+    start: FloatArray,
+    scale: float,
+    drawn: FloatArray,
+) -> None:
+    """Apply the transpose of the filter of `whiten_lines` to lines; arguments as there."""
+    order = len(polynomial) - 1
+    for k in range(len(lines)):
+        line, made = lines[k], drawn[k]
+        made[:] = 0.0
+        for m in range(len(starts) - 1):
+            first, end = starts[m], starts[m + 1]
+            head = min(first + order, end)
+            for lag in range(order + 1):
+                weight = scale * polynomial[lag]
+                for t in range(head, end):
+                    made[t - lag] += weight * line[t]
+            for row in range(head - first):
+                weight = scale * line[first + row]
+                for column in range(row + 1):
+                    made[first + column] += weight * start[row, column]
+
+
+@entry
+def burg(
+    forward: FloatArray,
+    backward: FloatArray,
+    place: IntArray,
+    floor: float,
+    most: float,
+    reflections: FloatArray,
+) -> int:
+    """Write reflection coefficients and return how many there are.
+
+    `forward`, `backward`: (r, m), the series, twice; overwritten by its prediction errors. `place`:
+    (r,) int, how many predecessors each row has in its segment. `floor`: energy below which nothing
+    is left to predict. `most`: modulus of a reflection coefficient, at most.
+    """
+    for step in range(1, len(reflections) + 1):
+        energy, product = 0.0, 0.0
+        for t in range(1, len(place)):
+            if place[t] >= step:
+                for m in range(forward.shape[1]):
+                    ahead, behind = forward[t, m], backward[t - 1, m]
+                    energy += ahead * ahead + behind * behind
+                    product += ahead * behind
+        if energy <= floor:
+            return step - 1
+        reflection = min(max(-2.0 * product / energy, -most), most)
+        reflections[step - 1] = reflection
+        for t in range(len(place) - 1, 0, -1):
+            if place[t] >= step:
+                for m in range(forward.shape[1]):
+                    ahead, behind = forward[t, m], backward[t - 1, m]
+                    forward[t, m] = ahead + reflection * behind
+                    backward[t, m] = behind + reflection * ahead
+    return len(reflections)

@@ -23,10 +23,9 @@ _HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
 class Cutoffs:
     """What the signals are filtered with, and why.
 
-    - `position`, `decimation`: Hz
-    - `factors`: decimation factor of each recording
-    - `row_rate`: decimated samples per second, the same for all recordings, Hz
-    - `reasons`: one sentence for each value that was proposed or derived
+    `position`, `decimation`: Hz. `factors`: decimation factor of each recording. `row_rate`:
+    decimated samples per second, the same for all recordings, Hz. `reasons`: one sentence for each
+    value that was proposed or derived.
     """
 
     position: float
@@ -127,7 +126,6 @@ def motion_bandwidth(position: FloatArray, rate: float) -> float:
     for joint in position.T:  # one at a time, for the sake of memory
         frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment, detrend="linear")
         floor = float(np.median(density[frequency > rate / 4.0]))
-        moving = density[1:] > _MOTION_TO_NOISE * floor
-        end = len(moving) if moving.all() else int(np.argmin(moving))
-        highest = max(highest, float(frequency[1:][max(end - 1, 0)]), 4.0 * float(frequency[1]))
-    return highest
+        still = np.append(density[1:] <= _MOTION_TO_NOISE * floor, True)
+        highest = max(highest, float(frequency[max(int(np.argmax(still)), 1)]), 4.0 * frequency[1])
+    return float(highest)

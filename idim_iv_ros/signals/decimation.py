@@ -177,12 +177,11 @@ def _forward_backward(
 ) -> None:
     """Filter `lines` forward and backward and keep some samples, as `sosfiltfilt` with odd ends.
 
-    `scipy.signal.sosfilt` filters one signal after the other, and each step of a recursion waits
-    for the one before. Here `_LANES` signals take each step together, tile by tile, so that a tile
-    stays in the cache; the operations and their order are those of `sosfilt`, so that every bit is
-    the same down to numbers of 1e-200. Each end is extended by `padding` samples, point by point
-    about it; `kept` (m,) increases; `work`, `tile` and `states` are overwritten; states below
-    `smallest` are taken for zero.
+    Each step of a recursion waits for the one before: `_LANES` signals take it together, tile by
+    tile, so that a tile stays in the cache. Operations and their order are those of `sosfilt`, so
+    that every bit is the same down to numbers of 1e-200. Each end is extended by `padding` samples,
+    point by point about it; `kept` (m,) increases; `work`, `tile` and `states` are overwritten;
+    states below `smallest` are taken for zero.
     """
     lanes, size = tile.shape[1], tile.shape[0]
     count, samples = lines.shape

@@ -25,9 +25,7 @@ def zero_phase_butterworth(
     """Low-pass a signal forward and backward, so that it is not delayed.
 
     `signal`: (n_samples, n_joints). `rate`, `cutoff`: Hz; `cutoff` is that of one pass. `order`: of
-    one pass.
-
-    Returns (n_samples, n_joints).
+    one pass. Returns (n_samples, n_joints).
 
     Raises ValueError: the signal is shorter than the start-up of the filter.
     """
@@ -51,11 +49,10 @@ def _sections(order: int, cutoff: float, rate: float) -> FloatArray:
 def settling_samples(sections: FloatArray, tolerance: float) -> int:
     """Samples after which less than `tolerance` of an impulse response's Σ |h| remains.
 
-    Run backward over a record that ends at a time L after a sample, a filter lacks what its impulse
-    response h would have taken from later: the error is at most 2 Σ_{k > L} |h_k| times the largest
-    value of the signal (the record is continued by an odd reflection, whose acceleration is bounded
-    by that of the motion): twice `tolerance` for a sample that waits for L. `sections` (n, 6):
-    second-order sections of one pass, as of SciPy.
+    Run backward over a record that ends at a time L after a sample, a filter lacks what h would
+    have taken from later: the error is at most 2 Σ_{k > L} |h_k| times the largest value of the
+    signal (the record is continued by an odd reflection), twice `tolerance` for a sample that waits
+    for L. `sections` (n, 6): second-order sections of one pass, as of SciPy.
     """
     poles = np.abs(np.concatenate([np.roots(section[3:]) for section in sections]))
     length = int(_LONGEST / -np.log(min(poles.max(), 1.0 - 1e-9))) + 2
@@ -74,8 +71,8 @@ def butterworth_samples(rate: float, cutoff: float, order: int, tolerance: float
 def shifted(values: FloatArray, seconds: float, rate: float) -> FloatArray:
     """Channels (s, …) of `rate`, Hz, that are `seconds` later; their ends are repeated.
 
-    `scipy.ndimage.shift` weighs the coefficients of the spline anew at every sample. All samples
-    move by the same time, so that the weights are one filter, which takes a quarter of the time.
+    All samples move by the same time, so that the weights of the spline are one filter: four times
+    as fast as `scipy.ndimage.shift`.
     """
     count, taps = len(values), _SHIFT_SPLINE + 1
     by = float(np.clip(seconds * rate, -count, count))
@@ -107,7 +104,6 @@ def central_differences(
 
     `signal`: (n_samples, n_joints); `rate`: Hz. `start`, `stop`: samples to return; neighbours
     outside are used where there are any. `order`: of the error, in the time between two samples.
-
     Returns velocity, acceleration (stop - start, n_joints): per second, per second squared.
     """
     stop = len(signal) if stop is None else stop

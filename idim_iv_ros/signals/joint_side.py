@@ -1,6 +1,5 @@
 """From what was recorded to joint positions and joint torques."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,17 +19,13 @@ _TORQUES = (1e-9, 1e9)
 class JointSignals:
     """A recording in joint coordinates, on its uniform grid.
 
-    - `rate`: Hz
-    - `position`: (n_samples, n_joints), measured, unfiltered, rad or m
-    - `torque`: (n_samples, n_joints), N m or N (or the unit of the effort where that is no torque)
-    - `valid`: (n_samples, n_joints) bool, whether the joint's position and torque rest on
-      measurements
-    - `velocity`: (n_samples, n_joints) or None, as the driver publishes it, rad/s or m/s; the
-      control law is fitted with it
-    - `position_reference`, `velocity_reference`: (n_samples, n_joints) or None
-    - `link_position`: (n_samples, n_joints) or None, of encoders behind the gears, unfiltered, rad
-      or m
-    - `link_valid`: (n_samples, n_joints) bool or None, whether that rests on measurements
+    `rate`: Hz. `position`: (n_samples, n_joints), measured, unfiltered, rad or m. `torque`:
+    (n_samples, n_joints), N m or N (or the unit of the effort where that is no torque). `valid`:
+    (n_samples, n_joints) bool, whether the joint's position and torque rest on measurements.
+    `velocity`: (n_samples, n_joints) or None, as the driver publishes it, rad/s or m/s; the control
+    law is fitted with it. `position_reference`, `velocity_reference`: (n_samples, n_joints) or
+    None. `link_position`: (n_samples, n_joints) or None, of encoders behind the gears, unfiltered,
+    rad or m. `link_valid`: (n_samples, n_joints) bool or None, whether that rests on measurements.
     """
 
     name: str
@@ -92,15 +87,13 @@ def joint_transform(configuration: Configuration) -> JointTransform:
 def joint_side(recording: Recording, configuration: Configuration) -> JointSignals:
     """Apply effort scale, transmission and position offsets.
 
-    With a motor-to-joint matrix R all recorded signals are on the motor side: q = R⁻¹ q_motor and
-    τ = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor). Encoders behind the gears are
-    on the joint side as they are. Where no effort is recorded, the torque is what the configured
-    law makes of the position error (`servo_torque`).
+    With a motor-to-joint matrix R all recorded signals are on the motor side: q = R⁻¹ q_motor and τ
+    = Rᵀ τ_motor (or `motor_to_joint_torque` · τ_motor). Encoders behind the gears are on the joint
+    side. Where no effort is recorded, `servo_torque` makes it of the position error.
 
     Raises UsageError: no effort is recorded, and no law is given from which it follows; DataError:
     positions or torques that no robot has, before or after the scaling.
     """
-    robot = configuration.robot
     transform = joint_transform(configuration)
     position = transform.position(recording.position.values)
     reference, unasked = joint_reference(recording, configuration)
@@ -108,10 +101,8 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
         torque = servo_torque(configuration, recording, position, reference)
     else:
         torque = transform.torque(recording.effort.values)
-    name = recording.path.name
-    _require_possible(name, robot.joints, "position", "rad (m)", position, (0.0, _LARGEST_POSITION))
-    unit = configuration.signals.effort_unit
-    _require_possible(name, robot.joints, "torque", unit, torque, _TORQUES)
+    _require_possible(recording, "position", "rad (m)", position, 0.0, _LARGEST_POSITION)
+    _require_possible(recording, "torque", configuration.signals.effort_unit, torque, *_TORQUES)
     invented = transform.touched(recording.position.invented, recording.effort.invented)
     if unasked is not None:
         invented |= unasked
@@ -119,7 +110,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     servo = configuration.signals.effort_topic is None
     asked = None if servo else recording.velocity_reference
     return JointSignals(
-        name=name,
+        name=recording.path.name,
         rate=recording.rate,
         position=position,
         torque=torque,
@@ -148,10 +139,9 @@ def joint_reference(
     transform = joint_transform(configuration)
     reference = transform.position(signal.values)
     if signals.effort_topic is None:
-        place = np.arange(len(reference)) - signals.reference_delay * recording.rate - 0.5
         samples = np.arange(len(reference))
-        columns = [np.interp(place, samples, column) for column in reference.T]
-        reference = np.column_stack(columns)
+        place = samples - signals.reference_delay * recording.rate - 0.5
+        reference = np.stack([np.interp(place, samples, column) for column in reference.T], axis=1)
     return reference, _touched(signal.invented, transform.to_joint)
 
 
@@ -189,19 +179,14 @@ def _transformed(values: FloatArray, matrix: FloatArray, offset: FloatArray) -> 
 
 
 def _require_possible(
-    name: str,
-    joints: Sequence[str],
-    what: str,
-    unit: str,
-    values: FloatArray,
-    peaks: tuple[float, float],
+    recording: Recording, what: str, unit: str, values: FloatArray, least: float, most: float
 ) -> None:
-    for joint, peak in zip(joints, np.abs(values).max(axis=0, initial=0.0), strict=True):
-        if not peaks[0] <= peak <= peaks[1]:
+    for joint, peak in zip(recording.joints, np.abs(values).max(axis=0, initial=0.0), strict=True):
+        if not least <= peak <= most:
             raise DataError(
-                f"{name}: the largest {what} of {joint} is {peak:.3g} {unit}, and no robot has "
-                "that; look at the driver and its units, and at signals.effort_scale and "
-                "robot.motor_to_joint, or leave a joint that does nothing out of robot.joints"
+                f"{recording.path.name}: the largest {what} of {joint} is {peak:.3g} {unit}, and "
+                "no robot has that; look at the driver and its units, and at signals.effort_scale "
+                "and robot.motor_to_joint, or leave a joint that does nothing out of robot.joints"
             )
 
 

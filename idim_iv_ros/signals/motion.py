@@ -36,12 +36,10 @@ _NOISE_BAND = 3.0  # times the decimation cut-off, where only noise is left
 class Motion:
     """A recording whose positions are filtered and whose ends are trimmed.
 
-    - `cutoff`: of the position filter, Hz
-    - `order`: of one pass of the position filter
-    - `position`: (n_samples, n_joints), zero-phase filtered, rad or m, not trimmed
-    - `span`: slice, the trimmed part; everything below refers to it
-    - `kept`: (n_kept, n_joints) bool, decimated samples that count for each joint: measured, faster
-      than the reversal speed
+    `cutoff`: of the position filter, Hz. `order`: of one pass of the position filter. `position`:
+    (n_samples, n_joints), zero-phase filtered, rad or m, not trimmed. `span`: slice, the trimmed
+    part; everything below refers to it. `kept`: (n_kept, n_joints) bool, decimated samples that
+    count for each joint: measured, faster than the reversal speed.
     """
 
     signals: JointSignals
@@ -139,28 +137,27 @@ def filter_motion(
         position[:, still] = position[:, still].mean(axis=0)
     peaks = np.zeros(len(joints))
     for record, position, span in zip(signals, filtered, spans, strict=True):
-        for joint, motion in enumerate(position[span].T):
-            peak = np.abs(np.gradient(motion, 1.0 / record.rate)).max()
-            peaks[joint] = max(peaks[joint], float(peak))
-    minimum_speed, why = np.array(processing.minimum_speed), ""
+        speeds = (np.gradient(joint, 1.0 / record.rate) for joint in position[span].T)
+        peaks = np.maximum(peaks, [np.abs(speed).max() for speed in speeds])
+    at_rest = tuple(name for name, rests in zip(joints, still, strict=True) if rests)
+    reasons = []
+    if at_rest:
+        reasons.append(f"{', '.join(at_rest)} stands still: its noise is not taken for motion")
+    minimum_speed = np.array(processing.minimum_speed)
     if processing.minimum_speed is None:
         minimum_speed = _SPEED_SHARE * peaks
-        why = (
+        reasons.append(
             f"samples slower than {100 * _SPEED_SHARE:g} % of a joint's peak speed are kept out of "
             "its rows: the sign of the speed is not known there"
         )
+    parts = zip(signals, filtered, spans, cutoffs.factors, strict=True)
     motions = tuple(
         decimated_motion(
             record, position, span, processing, (cutoffs.position, factor), minimum_speed, couplings
         )
-        for record, position, span, factor in zip(
-            signals, filtered, spans, cutoffs.factors, strict=True
-        )
+        for record, position, span, factor in parts
     )
-    at_rest = tuple(name for name, rests in zip(joints, still, strict=True) if rests)
-    still_words = f"{', '.join(at_rest)} stands still: its noise is not taken for motion"
-    reasons = (still_words if at_rest else "", why)
-    return motions, minimum_speed, at_rest, tuple(filter(None, reasons))
+    return motions, minimum_speed, at_rest, tuple(reasons)
 
 
 def _stands_still(raw: FloatArray, filtered: FloatArray) -> BoolArray:

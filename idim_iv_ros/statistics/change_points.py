@@ -41,13 +41,10 @@ _LEVEL = 0.95
 class Change:
     """The best supported change of a series, believed or not.
 
-    - `p_value`: of the null hypothesis that nothing changed, the search over kinds and places
-      included
-    - `place`: first value that is changed, from 0
-    - `place_low`, `place_high`: 95 % interval of `place`
-    - `before`, `before_std`: level before the change
-    - `size`, `size_low`, `size_high`: change at the last value, with an interval that holds it for
-      every place in question
+    `p_value`: of the null hypothesis that nothing changed, the search over kinds and places
+    included. `place`: first value that is changed, from 0. `place_low`, `place_high`: 95 % interval
+    of `place`. `before`, `before_std`: level before the change. `size`, `size_low`, `size_high`:
+    change at the last value, with an interval that holds it for every place in question.
     """
 
     kind: Kind
@@ -72,8 +69,7 @@ def change_of(
     - `times`: (k,), not decreasing
     - `prior`: ν: degrees of freedom by which the variances are known already
 
-    Returns None where there are fewer than five values, all are equal, or all are
-    of one time.
+    Returns None where there are fewer than five values, all are equal, or all are of one time.
     """
     count = len(values)
     if count < LEAST:
@@ -136,18 +132,17 @@ def _candidates(times: FloatArray) -> tuple[list[Kind], IntArray, FloatArray]:
     """
     count = len(times)
     begins = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)
-    steps = _thinned(begins[(begins >= _SIDE_VALUES) & (begins <= count - _SIDE_VALUES)])
-    ramps = _thinned(begins[(begins >= 1) & (begins <= count - _SIDE_VALUES)])
+    begins = begins[(begins >= 1) & (begins <= count - _SIDE_VALUES)]
+    steps, ramps = (
+        places[:: max(-(-len(places) // _MOST_PLACES), 1)]
+        for places in (begins[begins >= _SIDE_VALUES], begins)
+    )
     index = np.arange(count)
     shapes = [(index >= place).astype(float) for place in steps]
     shapes += [np.maximum(times - times[place - 1], 0.0) for place in ramps]
     shapes = [shape / max(float(shape[-1]), 1e-300) for shape in shapes]
     kinds: list[Kind] = [*(["step"] * len(steps)), *(["ramp"] * len(ramps))]  # type: ignore[list-item]
     return kinds, np.concatenate([steps, ramps]), np.array(shapes)
-
-
-def _thinned(places: IntArray) -> IntArray:
-    return places[:: -(-len(places) // _MOST_PLACES)] if len(places) else places
 
 
 @lru_cache(maxsize=16)
@@ -167,19 +162,11 @@ def _p_value(ratio: float, directions: FloatArray, mean: FloatArray, prior: floa
     bound = min(1.0, single * len(directions))
     if single > _WORTH_DRAWING:
         return bound
-    drawn, scatter = _draws(len(mean), prior)
-    first = slice(_FIRST_DRAWS)
-    exceeding = _exceeding(drawn[first], scatter[first], ratio, directions, mean)
-    if exceeding >= _NO_SURPRISE:
-        return min(bound, (1.0 + exceeding) / (_FIRST_DRAWS + 1.0))
-    exceeding = _exceeding(drawn, scatter, ratio, directions, mean)
-    return min(bound, (1.0 + exceeding) / (_DRAWS + 1.0))
-
-
-def _exceeding(
-    drawn: FloatArray, scatter: FloatArray, ratio: float, directions: FloatArray, mean: FloatArray
-) -> int:
-    """Draws without a change whose best direction takes as large a share."""
-    energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2 + scatter
-    largest = np.max((drawn @ directions.T) ** 2, axis=1)
-    return int(np.sum(largest >= ratio * energy))
+    for count in (_FIRST_DRAWS, _DRAWS):
+        drawn, scatter = (of[:count] for of in _draws(len(mean), prior))
+        energy = np.sum(drawn**2, axis=1) - (drawn @ mean) ** 2 + scatter
+        largest = np.max((drawn @ directions.T) ** 2, axis=1)
+        exceeding = int(np.sum(largest >= ratio * energy))
+        if exceeding >= _NO_SURPRISE:
+            break
+    return min(bound, (1.0 + exceeding) / (count + 1.0))

@@ -43,10 +43,9 @@ def gls_regression(
 
     A filter fitted on the residual of least squares sees too little noise where the regressors
     live, and the test then rejects true hypotheses (22 % instead of 5 % with 25 slow columns in
-    1500 rows); one fitted on the target itself takes a true δ for noise. So the order is AIC's
-    on the target, and the coefficients are of restricted maximum likelihood by its EM
-    iteration: Burg's energies are those of the residual plus those that estimating δ took out
-    of it, those of the columns of regressors @ covariance_root.
+    1500 rows); one fitted on the target itself takes a true δ for noise. So the order is AIC's on
+    the target, and the coefficients are of restricted maximum likelihood by its EM iteration:
+    Burg's energies are those of the residual plus those that estimating δ took out of it.
 
     `target` (r,): what may or may not contain something of the regressors; `regressors` (r, c): may
     be rank deficient; `segments`: rows that are contiguous in time.

@@ -1,10 +1,9 @@
 """The revised Durbin-Wu-Hausman test: are the instruments valid?  H0: Π = I in X = Z Π + V.
 
-Π has b × b entries, 3,600 for the TX40: no recording can test them all. What counts is the
-torque. Π = I says that the prediction X β̂ with the measured motion, regressed on Z, gives β̂
-back; so (X − Z) β̂ = Z δ + v is fitted and δ = 0 tested, an F-test of as many restrictions as
-there are columns, on rows whitened by the autoregressive model of v, which is not
-that of the residual of the torque.
+Π has b × b entries, 3,600 for the TX40: no recording can test them all. What counts is the torque.
+Π = I says that the prediction X β̂ with the measured motion, regressed on Z, gives β̂ back; so (X −
+Z) β̂ = Z δ + v is fitted and δ = 0 tested, an F-test of as many restrictions as there are columns,
+on rows whitened by the autoregressive model of v, which is not that of the residual of the torque.
 
 The other half of the test asks whether X is exogenous, so that least squares would do as well:
 augmented regression y = X β + V̂ γ + e with V̂ = X − Z Π̂, H0: γ = 0, F(b_v, r − b − b_v).
@@ -35,10 +34,9 @@ def wald_test_of_instruments(
     """Test the instruments for all rows and joint by joint (paper, equation 10).
 
     - `joints`: unfiltered rows, whose instruments come from a simulation of the loop: others share
-      the noise of X by construction; the test whitens them itself
+      the noise of X by construction
     - `simulation_errors`: sequence of (r_j, n_draws), draws of the change of Z β̂ that comes from
-      the uncertainty of the parameters with which the instruments were simulated. Without them the
-      parameters are taken as known.
+      the uncertainty of the parameters of the simulation; None: these are taken as known
 
     Returns tests of scope "all" first, then one for each joint in the order given.
     `max_deviation` is that of `largest_deviation`; `torque_deviation_percent` is 100 ‖Z δ̂‖ / ‖X
@@ -48,17 +46,18 @@ def wald_test_of_instruments(
     tests: list[HypothesisTest] = []
     draws = simulation_errors or [np.zeros((len(rows.torque), 0)) for rows in joints]
     for rows, errors in zip(joints, draws, strict=True):
-        reason = _obstacle(rows, parameters)
+        predicted = rows.prediction(parameters)
+        difference = predicted - rows.instruments @ parameters[rows.columns]
+        reason = _obstacle(rows, predicted, difference)
         if reason is not None:
             tests.append(HypothesisTest.not_run(VALID, rows.name, reason))
             continue
-        difference = rows.prediction(parameters) - rows.instruments @ parameters[rows.columns]
         fit = gls_regression(difference, rows.instruments, rows.segments)
         columns = np.column_stack([rows.instruments, difference, errors])
         whitened = r_factor(fit.errors.whiten(columns, rows.segments))
         fits.append((rows, fit, whitened))
         energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
-        percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters)))
+        percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(predicted))
         largest = largest_deviation(_both(rows), len(difference))
         tests.append(
             _satterthwaite_f_test(
@@ -72,17 +71,15 @@ def wald_test_of_instruments(
     return (HypothesisTest.not_run(VALID, "all", reason), *tests)
 
 
-def _obstacle(rows: JointRows, parameters: FloatArray) -> str | None:
-    """Why the instruments of a joint cannot be tested, or None."""
+def _obstacle(rows: JointRows, predicted: FloatArray, difference: FloatArray) -> str | None:
+    """Why the instruments of a joint cannot be tested by X β̂ and (X − Z) β̂ (r,), or None."""
     n_rows, width = rows.instruments.shape
     if width == 0:
         return "no parameter acts on this joint"
     if n_rows < _ROWS_PER_COLUMN * width:
         return f"{n_rows} rows for {width} columns are too few"
-    predicted = rows.prediction(parameters)
     if not np.any(predicted):
         return "the model predicts no torque"
-    difference = predicted - rows.instruments @ parameters[rows.columns]
     if np.linalg.norm(difference) <= _EQUAL * np.linalg.norm(predicted):
         return "the instruments equal the regressor, so there is no error V to test"
     return None
@@ -178,11 +175,10 @@ def _satterthwaite_f_test(
 def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
     """Largest |Π̂ − I| without units, over the entries that the rows determine.
 
-    Π̂ is the least squares estimate; entry (k, i) is scaled by rms(Z_k)/rms(X_i), so that it is
-    what of column i, in parts of its rms, goes with column k beyond Π = I. Entries whose
-    standard error (taken as if rows were white) exceeds 0.05 are left out; None if all do.
-
-    `factor` (k, 2c): R factor of [Z X]; `n_rows`: how many rows it was made of.
+    Entry (k, i) of the least squares estimate Π̂ is scaled by rms(Z_k)/rms(X_i), so that it is what
+    of column i, in parts of its rms, goes with column k beyond Π = I. Entries whose standard error
+    (taken as if rows were white) exceeds 0.05 are left out; None if all do. `factor` (k, 2c): R
+    factor of [Z X] of `n_rows` rows.
     """
     width = factor.shape[1] // 2
     instruments, regressor = factor[:, :width], factor[:, width:]
@@ -208,8 +204,8 @@ def torque_deviation(
 ) -> float:
     """‖Z δ̂‖² less its expectation under δ = 0, at least 0, in N² m².
 
-    `coefficients` (c,): δ̂ of (X − Z) β̂ = Z δ + v; `covariance_root` (c, k): covariance_root @
-    covariance_root.T is the covariance of δ̂; `instruments` (r, c): unfiltered.
+    `coefficients` (c,): δ̂ of (X − Z) β̂ = Z δ + v; its covariance is covariance_root (c, k) times
+    its transpose; `instruments` (r, c): unfiltered.
     """
     explained = instruments @ coefficients
     by_noise = instruments @ covariance_root
@@ -219,13 +215,11 @@ def torque_deviation(
 def exogeneity_test(
     joints: Sequence[JointRows], parameters: FloatArray
 ) -> tuple[HypothesisTest, ...]:
-    """Test whether X is exogenous, for all rows and joint by joint.
+    """Test whether X is exogenous, for all rows and joint by joint; see `wald_test_of_instruments`.
 
-    The rows of each joint are whitened by the autoregressive model of its IV residual first,
-    and for "all" divided by the σ of the whitened residual.
-
-    Parameters and scopes are those of `wald_test_of_instruments`. With instruments that do not
-    come from a simulation V̂ is not the error of X.
+    The rows of each joint are whitened by the autoregressive model of its IV residual first, and
+    for "all" divided by the σ of the whitened residual. With instruments that do not come from a
+    simulation V̂ is not the error of X.
     """
     width = len(parameters)
     factors, places, tests, n_rows = [], [], [], 0
@@ -250,11 +244,9 @@ def exogeneity_test(
 def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> HypothesisTest:
     """F-test of γ = 0 from the R factor of [Z X y], equal to the Wu-Hausman statistic.
 
-    Columns of V̂ that vanish, or that the other columns of [X V̂] already hold, are dropped by
-    QR with each column measured against the norm of its column of X.
-
-    `factor` (k, 2c + 1): R factor of [Z X y]; rows may be weighted and whitened. `n_rows`: how many
-    rows it was made of; `scope`: "all" or the name of a joint.
+    Columns of V̂ that vanish, or that the other columns of [X V̂] already hold, are dropped by QR,
+    each measured against the norm of its column of X. `factor` (k, 2c + 1): of `n_rows` rows, which
+    may be weighted and whitened; `scope`: "all" or the name of a joint.
     """
     width = (factor.shape[1] - 1) // 2
     instruments, regressor = factor[:, :width], factor[:, width:-1]

@@ -153,9 +153,8 @@ def ljung_box(
 
     n_k is the number of pairs at lag k within a segment, r − k for a single segment.
 
-    - `series`: (r,), a residual, raw or whitened
-    - `segments`: rows that are contiguous in time
-    - `fitted`: how many coefficients of a filter were fitted on this series
+    `series`: (r,), a residual, raw or whitened. `segments`: rows that are contiguous in time.
+    `fitted`: how many coefficients of a filter were fitted on this series.
     """
     count, dof = len(series), n_lags - fitted
     if count < _LEAST_ROWS or dof < 1:
@@ -199,17 +198,14 @@ def excess_kurtosis(values: FloatArray) -> float:
 def _normality(series: FloatArray, scope: str, alpha: float) -> tuple[float, float, HypothesisTest]:
     """Skewness S, excess kurtosis K (0 of a constant), and r/6 (S² + K²/4) against χ²(2)."""
     count, skewness, kurtosis = len(series), 0.0, 0.0
-    centred = series - series.mean() if count else series
-    variance = float(np.mean(centred**2)) if count else 0.0
-    if variance != 0.0:
-        unit = centred / np.sqrt(variance)
+    if count and np.var(series) != 0.0:
+        unit = (series - series.mean()) / np.std(series)
         skewness, kurtosis = float(np.mean(unit**3)), float(np.mean(unit**4)) - 3.0
     if count < _LEAST_ROWS:
         few = HypothesisTest.not_run(NORMAL, scope, f"{count} rows are too few", alpha)
         return skewness, kurtosis, few
     statistic = count / 6.0 * (skewness**2 + kurtosis**2 / 4.0)
-    deviation = max(abs(skewness), abs(kurtosis))
-    p_value = float(scipy.stats.chi2.sf(statistic, 2))
+    deviation, p_value = max(abs(skewness), abs(kurtosis)), float(scipy.stats.chi2.sf(statistic, 2))
     test = HypothesisTest(NORMAL, scope, statistic, 2, None, p_value, deviation, alpha)
     return skewness, kurtosis, test
 
@@ -222,10 +218,8 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
     number of lags), and the degrees of freedom of a χ² with the same mean and variance are
     2 m² n / v (Satterthwaite).
 
-    `time` (n,) s: of the rows; `residual` (n,) N m (N).
-
-    Returns at most 1; None for fewer than ten seconds with rows, or no residual
-    at all.
+    `time` (n,) s: of the rows; `residual` (n,) N m (N). Returns at most 1; None for fewer than ten
+    seconds with rows, or no residual at all.
     """
     square = residual**2
     if len(square) == 0 or not square.any():
@@ -255,17 +249,13 @@ def largest_share(
     """RMS over that of the identification which `rows` rows pass with probability `false_alarms`.
 
     The mean square of the new rows is the sum of that of a residual which scatters as in the
-    identification and of what errors of the parameters add in this motion. These are the same
-    in all rows, so that their part has one degree of freedom at worst. The sum is taken for a χ²
-    with its mean and variance (Satterthwaite), its ratio to the mean square of the identification
-    for F.
+    identification and of what errors of the parameters add in this motion. These are the same in
+    all rows, so that their part has one degree of freedom at worst. The sum is taken for a χ² with
+    its mean and variance (Satterthwaite), its ratio to the mean square of the identification for F.
 
-    - `identified_rows`, `rows`: of the identification, and those that are compared with it
-    - `false_alarms`: probability, 0 to 1
-    - `errors_of_parameters`: mean variance of the predictions by that of the parameters, over the
-      mean square of the identification's residual
-
-    Returns None where there are no rows.
+    `identified_rows`, `rows`: of the identification, and those that are compared with it.
+    `errors_of_parameters`: mean variance of the predictions by that of the parameters, over the
+    mean square of the identification's residual. Returns None where there are no rows.
     """
     if rows < 1 or identified_rows < 1:
         return None

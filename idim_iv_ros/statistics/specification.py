@@ -37,17 +37,16 @@ _LEAST_VARIATION = 0.02
 def shared_functions(
     joint_types: Sequence[str], q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> dict[str, FloatArray]:
-    """Functions of the states (n_samples, n_joints), the same for every joint's torque.
+    """Functions of the states (n_samples, n_joints), (n_samples, m), the same for every torque.
 
-    *position*: cos and sin of every joint (position and its square for a prismatic one), and
-    their products for every pair of joints. *acceleration*: that of every joint, and all
-    products of two speeds. (n_samples, m) each.
+    *position*: cos and sin of every joint (position and its square for a prismatic one), and their
+    products for every pair. *acceleration*: of every joint, and all products of two speeds.
     """
     waves = [
-        [np.cos(q[:, k]), np.sin(q[:, k])] if kind == "revolute" else [q[:, k], q[:, k] ** 2]
-        for k, kind in enumerate(joint_types)
+        [np.cos(of), np.sin(of)] if kind == "revolute" else [of, of**2]
+        for of, kind in zip(q.T, joint_types, strict=True)
     ]
-    position = [wave for waves_of_joint in waves for wave in waves_of_joint]
+    position = list(chain.from_iterable(waves))
     for first, second in combinations(waves, 2):
         position += [a * b for a in first for b in second]
     joints = range(dq.shape[1])
@@ -62,18 +61,10 @@ def speed_functions(joint: int, dq: FloatArray, peak: float) -> FloatArray:
     shape at several widths. `peak` in rad/s (m/s).
     """
     relative = dq[:, joint] / peak
-    share = np.abs(relative)
-    functions = [
-        np.sign(relative),
-        relative,
-        share,
-        relative * share,
-        share**2,
-        relative * share**2,
-    ]
-    functions += [np.sign(relative) * np.exp(-share / level) for level in (0.03, 0.1, 0.3)]
-    functions += [np.sign(dq[:, k]) for k in range(dq.shape[1]) if k != joint]
-    return np.column_stack(functions)
+    share, sign = np.abs(relative), np.sign(relative)
+    functions = [sign, relative, share, relative * share, share**2, relative * share**2]
+    functions += [sign * np.exp(-share / level) for level in (0.03, 0.1, 0.3)]
+    return np.column_stack([*functions, np.sign(np.delete(dq, joint, axis=1))])
 
 
 def specification_tests(
@@ -86,13 +77,11 @@ def specification_tests(
     """Test the residual of each joint against each family of functions of the motion.
 
     - `candidates`: one mapping for each joint, family to (r_j, m) functions of the simulated motion
-      at these rows
     - `alpha`: probability that a right model is accused anywhere; each test is at a tenth of α over
       their number, because the autocorrelation of the residual is estimated
 
-    Returns tests of scope ``joint: family`` for each joint.
-    `torque_deviation_percent` is the rms of what the functions explain of the residual, less what
-    noise alone would give, in percent of that of the torque.
+    Returns tests of scope ``joint: family`` for each joint, with what the functions explain of the
+    residual (rms) less what noise alone would give, in percent of the torque.
     """
     tests = [
         [_test(rows, parameters, family, functions) for family, functions in families.items()]
@@ -118,11 +107,8 @@ def _test(
     beyond, spare = _directions(rows.instruments, functions)
     width = beyond.shape[1]
     if width == 0:
-        reason = (
-            "the model holds all of them"
-            if spare > 0
-            else f"{len(residual)} rows for {rows.instruments.shape[1]} columns are too few"
-        )
+        reason = f"{len(residual)} rows for {rows.instruments.shape[1]} columns are too few"
+        reason = "the model holds all of them" if spare > 0 else reason
         return HypothesisTest.not_run(null, scope, reason)
     if not np.any(residual):
         return HypothesisTest.not_run(null, scope, "the residual vanishes")
@@ -137,15 +123,13 @@ def _test(
     unexplained = float(rest @ rest)
     if added.rank == 0 or dof <= 0 or unexplained <= 0.0:
         return HypothesisTest.not_run(null, scope, "nothing is left to judge by")
-    energy = float(gained @ gained)
-    coefficients = added.solve(left, width)
-    explained = float(np.linalg.norm(beyond @ coefficients)) ** 2
+    explained = float(np.linalg.norm(beyond @ added.solve(left, width))) ** 2
     noise = unexplained / dof * float(np.linalg.norm(beyond @ added.inverse_root(width))) ** 2
     torque = float(rows.torque @ rows.torque)
     return f_test(
         null,
         scope,
-        explained=energy,
+        explained=float(gained @ gained),
         df=added.rank,
         unexplained=unexplained,
         df_denom=dof,

@@ -64,16 +64,15 @@ def judge_joint(
     beyond = None
     if noise is not None and residual.relative_percent is not None:
         beyond = beyond_noise(residual.relative_percent, residual.rms, noise)
-    rejecting = [test for test in specification if test.accepted is False]
-    sizes = [_percent(test) for test in (instruments, *specification) if test.accepted is False]
-    verdict, sentence, note = _verdict_of(instruments, residual, rejecting, beyond)
+    rejecting = [test for test in (instruments, *specification) if test.accepted is False]
+    verdict, sentence, note = _verdict_of(instruments, residual, specification, beyond)
     return JointVerdict(
         residual.joint,
         verdict,
         f"{residual.joint}: {sentence}",
         note,
         torque_percent=beyond,
-        rejected_percent=max(sizes, default=0.0),
+        rejected_percent=max(map(_percent, rejecting), default=0.0),
         rejected=instruments.accepted is False,
     )
 
@@ -81,7 +80,7 @@ def judge_joint(
 def _verdict_of(
     instruments: HypothesisTest,
     residual: ResidualDiagnosis,
-    rejecting: Sequence[HypothesisTest],
+    specification: Sequence[HypothesisTest],
     beyond: float | None,
 ) -> tuple[Verdict, str, str]:
     """Verdict, sentence, and what was rejected and is too small for a verdict."""
@@ -91,10 +90,10 @@ def _verdict_of(
             "show whether the model is right at this joint."
         )
         return "inconclusive", sentence, ""
+    rejecting = [test for test in specification if test.accepted is False]
     left = [test for test in rejecting if _percent(test) >= LEAST_LEFT_PERCENT]
-    deviation = instruments.torque_deviation_percent
-    sizes = [size for size in (beyond, deviation) if size is not None]
-    small = len(sizes) == 2 and max(sizes) < SMALL_TORQUE_PERCENT
+    sizes = [beyond, instruments.torque_deviation_percent]
+    small = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
     if not instruments.accepted and not small:
         follows = f" The residual follows {_families(left)}." if left else ""
         return "misspecified", _rejected(instruments) + follows, ""
@@ -105,16 +104,13 @@ def _verdict_of(
             "here, and the estimates are biased by what it shares with the terms of the model."
         )
         return "misspecified", sentence, ""
-    parts = [f"the residual follows {_families(rejecting)}"] if rejecting else []
+    note = f"the residual follows {_families(rejecting)}" if rejecting else ""
+    head, more = "the instruments are valid", f" Small beside the torque: {note}." if note else ""
     if not instruments.accepted:
-        parts.insert(
-            0,
-            "simulated and measured motion differ by more than noise, by "
-            f"{_percent(instruments):.2g} % of the torque",
-        )
-    note = " and ".join(parts)
-    head = "the instruments are valid" if instruments.accepted else note
-    more = f" Small beside the torque: {note}." if note and instruments.accepted else ""
+        differ = "simulated and measured motion differ by more than noise, by"
+        differ = f"{differ} {_percent(instruments):.2g} % of the torque"
+        head = note = f"{differ} and {note}" if note else differ
+        more = ""
     if residual.white is None:
         sentence = (
             f"{head}, but the autocorrelation of the residual was not tested "
@@ -151,13 +147,11 @@ def _rejected(instruments: HypothesisTest) -> str:
 
 def _families(left: Sequence[HypothesisTest]) -> str:
     """What the residual follows, the largest part first."""
-    return _names(
-        [
-            f"the {test.scope.rpartition(': ')[2]} ({_percent(test):.2g} % "
-            f"of the torque, p = {test.p_value:.2g})"
-            for test in sorted(left, key=_percent, reverse=True)
-        ]
-    )
+    parts = []
+    for test in sorted(left, key=_percent, reverse=True):
+        family, percent = test.scope.rpartition(": ")[2], _percent(test)
+        parts.append(f"the {family} ({percent:.2g} % of the torque, p = {test.p_value:.2g})")
+    return _names(parts)
 
 
 def _autocorrelated(residual: ResidualDiagnosis, head: str) -> str:
@@ -180,8 +174,7 @@ def judge_all(
 ) -> OverallVerdict:
     """Join the verdicts on all joints with the instrument test of all rows.
 
-    `joints`: one for each joint. `instruments`: the Wald test of Π = I over all rows, scope "all";
-    it sees what no joint shows alone.
+    `instruments`: the Wald test of Π = I, scope "all"; it sees what no joint shows alone.
     """
     # Residual beyond the noise first, then the largest rejected deviation.
     largest = sorted(joints, key=lambda j: (-(j.torque_percent or 0.0), -j.rejected_percent))

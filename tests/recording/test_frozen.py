@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idim_iv_ros.recording.frozen_channels import frozen_efforts, frozen_positions, moving_speed
+from idim_iv_ros.recording.frozen_channels import frozen_efforts, frozen_runs, moving_speed
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
 from idim_iv_ros.types import BoolArray, FloatArray
@@ -46,7 +46,7 @@ def test_a_coarse_channel_is_not_frozen_at_rest_in_creep_or_in_motion(rate, nois
     position = _counts(position, count) if count else position
     speed = moving_speed(position)
     assert not frozen_efforts(effort, position, speed).any()
-    assert not frozen_positions(position, speed).any()
+    assert not frozen_runs(position, position, speed, jumps=True).any()
 
 
 @pytest.mark.parametrize(("step", "length"), [(0.0, 20), (0.0, 80), (STEP, 80)])
@@ -88,7 +88,7 @@ def test_a_joint_that_never_moves_has_no_frozen_channel() -> None:
     still = np.full(2000, 0.3)
     effort = _counts(np.linspace(0.0, 5.0, 2000), STEP)
     assert not frozen_efforts(effort, still, moving_speed(still)).any()
-    assert not frozen_positions(still, moving_speed(still)).any()
+    assert not frozen_runs(still, still, moving_speed(still), jumps=True).any()
     missing = np.full(2000, np.nan)
     assert not frozen_efforts(missing, missing, moving_speed(missing)).any()
 

@@ -6,7 +6,7 @@ import scipy
 import statsmodels.api as sm
 
 from idim_iv_ros.statistics.change_points import change_of
-from idim_iv_ros.statistics.drift import drifts_of
+from idim_iv_ros.statistics.hypothesis import drifts_of
 
 BAGS = 14
 TIMES = np.cumsum(np.random.default_rng(9).uniform(1.0, 9.0, BAGS))

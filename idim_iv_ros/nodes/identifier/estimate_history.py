@@ -14,7 +14,7 @@ from idim_iv_ros.documents import Document, Number
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import require_folder_place
 from idim_iv_ros.nodes.messages import diagnostic_status, message_of
-from idim_iv_ros.statistics.drift import Drift, drifts_of
+from idim_iv_ros.statistics.hypothesis import Drift, drifts_of
 
 FILE = "history.json"
 

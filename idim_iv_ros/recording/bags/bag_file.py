@@ -1,6 +1,5 @@
 """One file of a bag, whatever its format, on this machine or somewhere else."""
 
-import os
 import tempfile
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -75,7 +74,8 @@ class LocalFile:
     def read(self, first: int, last: int) -> bytes:
         """Return the bytes `first` to `last`, the end excluded."""
         with self.path.open("rb") as file:
-            return os.pread(file.fileno(), last - first, first)
+            file.seek(first)
+            return file.read(last - first)
 
 
 @contextmanager
@@ -96,11 +96,10 @@ def opened(source: ByteSource) -> Iterator[IO[bytes]]:
 class BagFile(ABC):
     """One file of a bag.
 
-    `path`: path of the file; for a remote file its name, for messages. `topics`: type of each topic
-    so far. `definitions`: definition of each type so far, where the file holds it. `truncated`:
-    whether the end of the file is missing, known once it was read. `damaged`: number of unreadable
-    stretches and messages, which are left out. `missing`: known number of lost messages of each
-    wanted topic. `counted`: whether `missing` is complete.
+    `path`: of the file; the name of a remote one. `topics`, `definitions`: type of each topic, and
+    definition of each type, so far. `truncated`: whether the end is missing, known once it was
+    read. `damaged`: number of unreadable stretches and messages, which are left out. `missing`:
+    known number of lost messages of each wanted topic; `counted`: whether that is complete.
     """
 
     path: Path

@@ -76,8 +76,11 @@ class Bag:
                 if file.damaged:
                     places = "1 place" if file.damaged == 1 else f"{file.damaged} places"
                     self.damages.append(f"{name} is damaged in {places}")
-        if not self.counted:
-            self._count_missing(wanted)
+        counts = {} if self.counted else _counts(self.path)
+        if all(counts.get(topic, 0) >= seen for topic, seen in self.seen.items()):
+            missing = {t: count - self.seen[t] for t, count in counts.items() if t in wanted}
+            if missing:
+                self.missing, self.counted = Counter(missing), True
 
     def topic_types(self) -> dict[str, str]:
         """Return the type of each topic; an MCAP file without a summary is read to its end.
@@ -95,25 +98,16 @@ class Bag:
 
     def _file(self, path: Path, stack: ExitStack) -> BagFile:
         source = self.sources.get(path)
-        if source is not None and path.suffix.lower() == ".mcap":
-            return McapFile(path, source=source)
-        local = path
-        if source is not None:  # a database, or compressed as a whole: it cannot be read in parts
-            local = _temporary(stack) / path.name
-            with opened(source) as content, local.open("wb") as target:
+        if source is not None and path.suffix.lower() != ".mcap":
+            # A database, or compressed as a whole: it cannot be read in parts.
+            path = _temporary(stack) / path.name
+            with opened(source) as content, path.open("wb") as target:
                 shutil.copyfileobj(content, target)
-        whole = _decompress(local, stack) if local.suffix.lower() == ".zstd" else local
+            source = None
+        whole = _decompress(path, stack) if path.suffix.lower() == ".zstd" else path
         if whole.suffix.lower() == ".mcap":
-            return McapFile(whole, source=LocalFile(whole))
+            return McapFile(whole, source=source or LocalFile(whole))
         return SqliteFile(whole)
-
-    def _count_missing(self, wanted: set[str]) -> None:
-        counts = _counts(self.path)
-        if any(counts.get(topic, 0) < self.seen[topic] for topic in self.seen):
-            return
-        missing = {t: count - self.seen[t] for t, count in counts.items() if t in wanted}
-        if missing:
-            self.missing, self.counted = Counter(missing), True
 
 
 def bags_of(bags: FilePaths) -> tuple[Bag, ...]:

@@ -112,6 +112,7 @@ _PUBLISHED: dict[str, tuple[str, ...]] = {
 QUANTITIES = ("position", "velocity", "effort")
 # Names of one point in newer and older versions of control_msgs.
 _SAME = {"reference": "desired", "desired": "reference", "feedback": "actual", "actual": "feedback"}
+_MEMBERS = {"position": "positions", "velocity": "velocities", "effort": "effort"}
 _ASKED, _MEASURED, _OUTPUT = ("reference", "desired"), ("feedback", "actual"), ("output",)
 POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
 
@@ -219,7 +220,7 @@ class JointMessageType:
 
     def _fields(self, content: Any, quantities: Sequence[str]) -> _Quantities:
         if self.name == JOINT_STATE:
-            return _joint_state(content)
+            return content.name, {name: (name, getattr(content, name)) for name in QUANTITIES}
         if self.name == CONTROLLER_STATE:
             return self._controller_state(content)
         if self.name == DYNAMIC_STATE:
@@ -233,18 +234,13 @@ class JointMessageType:
         efforts = points if self.reference else (*_MEASURED, *_OUTPUT)
         if self.field is not None:
             points = efforts = (self.field, _SAME.get(self.field, self.field))
-        fields = {}
-        for quantity, member, allowed in (
-            ("position", "positions", points),
-            ("velocity", "velocities", points),
-            ("effort", "effort", efforts),
-        ):
-            # Versions with both names fill one of them.
-            for point in allowed:
+        fields: dict[str, tuple[str, Any]] = {}
+        # Versions with both names fill one of them.
+        for point in efforts:
+            for quantity, member in _MEMBERS.items() if point in points else [("effort", "effort")]:
                 numbers = getattr(getattr(content, point, None), member, ())
                 if len(numbers):
-                    fields[quantity] = (f"{point}.{member}", numbers)
-                    break
+                    fields.setdefault(quantity, (f"{point}.{member}", numbers))
         return content.joint_names, fields
 
     def _interfaces(self, content: Any, quantities: Sequence[str]) -> _Quantities:
@@ -275,18 +271,14 @@ class JointMessageType:
         }
 
 
-def _joint_state(content: Any) -> _Quantities:
-    return content.name, {name: (name, getattr(content, name)) for name in QUANTITIES}
-
-
 def _named_field(content: Any, path: str, quantities: Sequence[str]) -> _Quantities:
     """Return joint names and numbers of a field, or of a JointState in it."""
     value = content
     for name in path.split("."):
         value = getattr(value, name)
     if getattr(value, "__msgtype__", "") == JOINT_STATE:
-        names, fields = _joint_state(value)
-        return names, {name: (f"{path}.{name}", fields[name][1]) for name in QUANTITIES}
+        fields = {name: (f"{path}.{name}", getattr(value, name)) for name in QUANTITIES}
+        return value.name, fields
     numbers = np.atleast_1d(value)
     names = getattr(content, "joint_names", getattr(content, "name", ()))
     names = [names] if isinstance(names, str) else names

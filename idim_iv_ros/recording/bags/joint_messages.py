@@ -33,11 +33,10 @@ class JointMessages:
 
     `stamps`, `arrival` (n,) int: header stamp (zero without header) and log time, ns. `values`: (n,
     n_joints) of each quantity, NaN where a message lacks the joint. `layout` (n,) int: number of
-    the layout (joint order, fields) of each message. `named` (n_layouts, n_joints) bool: joints
-    that a layout names. `damaged`: number of unreadable messages. `passed`: number of skipped
-    messages that name other joints only, say of a gripper. `names`: all joint names in the
-    messages. `origins`: field of the message by quantity, where its type has several. `ranges`:
-    least and largest position of joints that are not requested, rad (m).
+    the layout (joint order, fields) of each message; `named` (n_layouts, n_joints) bool: joints
+    that it names. `damaged`, `passed`: numbers of unreadable messages, and of those that name other
+    joints only, say of a gripper. `names`: all joint names. `origins`: field by quantity, where the
+    type has several. `ranges`: least and largest position of joints not requested, rad (m).
     """
 
     topic: str
@@ -135,9 +134,8 @@ def _equal_layout(
 class _Layout:
     """Joints and fields that messages have in common.
 
-    `number`: from 0 in the order of first occurrence. `names`: joints in a message. `columns`,
-    `places` (k,) int: of the requested joints in a message, their columns in the result and their
-    places in the message. `origins`: see `JointMessages`.
+    `number`: from 0, in the order of occurrence. `names`: joints in a message. `columns`, `places`
+    (k,) int: of the requested joints in the result, and in the message. `origins`: `JointMessages`.
     """
 
     number: int
@@ -260,13 +258,14 @@ class JointMessageReader:
         parts, merged, width = self._parts[first:], {}, len(self.joints)
         for name in self.fields:
             if any(name in values for _, values in parts):
-                pieces = [
-                    _widened(
-                        values.pop(name, np.broadcast_to(np.nan, (len(head[0]), width))), width
-                    )
-                    for head, values in parts
-                ]
-                merged[name] = np.concatenate(pieces)
+                # NaN where a field is missing, and for joints that came later.
+                merged[name] = np.full((sum(len(head[0]) for head, _ in parts), width), np.nan)
+                end = 0
+                for head, values in parts:
+                    begin, end = end, end + len(head[0])
+                    if name in values:
+                        piece = values.pop(name)
+                        merged[name][begin:end, : piece.shape[1]] = piece
         nothing = np.zeros(0, dtype=np.int64)
         heads = [np.concatenate([nothing, *(head[k] for head, _ in parts)]) for k in range(3)]
         self._parts[first:] = [(tuple(heads), merged)]
@@ -299,25 +298,9 @@ class JointMessageReader:
             names.update(dict.fromkeys(met.names))
             named[met.number, met.columns] = True
             origins.update(met.origins)
-        return JointMessages(
-            topic=self.topic,
-            stamps=stamps,
-            arrival=arrival,
-            values=values,
-            layout=layout,
-            named=named,
-            damaged=self.damaged,
-            passed=self.passed,
-            names=tuple(names),
-            origins=origins,
-            ranges=dict(self._ranges),
-        )
-
-
-def _widened(values: FloatArray, width: int) -> FloatArray:
-    """Return values (n, k) with `width` columns, NaN for joints that came later."""
-    later = np.full((len(values), width - values.shape[1]), np.nan)
-    return np.hstack([values, later]) if later.shape[1] else values
+        left_out, ranges = (self.damaged, self.passed), dict(self._ranges)
+        heads = self.topic, stamps, arrival, values, layout, named
+        return JointMessages(*heads, *left_out, tuple(names), origins, ranges)
 
 
 def checked_messages(
@@ -389,9 +372,9 @@ def without_impossible(
 ) -> tuple[FloatArray, str]:
     """Replace impossible values by NaN; return the values and a sentence on them, or an empty one.
 
-    `name`: ``position``, ``velocity`` or ``effort``. `values`: (n, n_joints). `joints`: names of
-    the columns. `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row,
-    and number of the first one. `missing`: whether NaN is impossible, too.
+    `name`: ``position``, ``velocity`` or ``effort`` of `joints`, in `values` (n, n_joints).
+    `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row, and number of
+    the first one. `missing`: whether NaN is impossible, too.
 
     Raises DataError: too many values are impossible.
     """

@@ -70,26 +70,21 @@ def records(content: mmap.mmap | bytes, place: int) -> Iterator[Record]:
     The last record of a truncated file ends behind the file.
     """
     while place + HEAD <= len(content):
-        record = _record(content, place)
-        yield record
-        if record.opcode == DAMAGED:
+        opcode, size = struct.unpack_from("<BQ", content, place)
+        record = Record(opcode, place + HEAD, place + HEAD + size)
+        if opcode == CHUNK:
+            whole = _is_chunk(content, record)
+        elif opcode == MESSAGE:
+            whole = size >= MESSAGE_HEAD
+        elif opcode in (DATA_END, FOOTER):
+            whole = size == (4 if opcode == DATA_END else FOOTER_SIZE)
+        else:
+            whole = 0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE
+        if not whole:
+            yield record._replace(opcode=DAMAGED)
             return
+        yield record
         place = record.end
-
-
-def _record(content: mmap.mmap | bytes, place: int) -> Record:
-    """Return the record at `place`, as ``DAMAGED`` if its head is impossible."""
-    opcode, size = struct.unpack_from("<BQ", content, place)
-    record = Record(opcode, place + HEAD, place + HEAD + size)
-    if opcode == CHUNK:
-        whole = _is_chunk(content, record)
-    elif opcode == MESSAGE:
-        whole = size >= MESSAGE_HEAD
-    elif opcode in (DATA_END, FOOTER):
-        whole = size == (4 if opcode == DATA_END else FOOTER_SIZE)
-    else:
-        whole = 0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE
-    return record if whole else record._replace(opcode=DAMAGED)
 
 
 def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
@@ -107,9 +102,8 @@ def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
 class McapFile(BagFile):
     """One MCAP file; `source` gives its bytes, from this machine or another.
 
-    From its summary, or else its data: name of each schema, topic of each channel of CDR messages,
-    number of messages of each channel in the file (None without a summary), and the index of its
-    chunks.
+    From its summary, or else its data: names of schemas, topics of channels of CDR messages,
+    numbers of their messages (None without a summary), and the index of chunks.
     """
 
     source: ByteSource = field(kw_only=True)
@@ -125,14 +119,30 @@ class McapFile(BagFile):
         if summary and (self._lists_every_message() or (self.topics and not wanted)):
             for places in self._stretches(wanted):
                 start = places[0][0]
-                content = self.source.read(start, places[-1][1])
+                data = self.source.read(start, places[-1][1])
                 for first, last in places:
-                    yield from self._walk(content[first - start : last - start], wanted, 0)
+                    yield from self._walk(data[first - start : last - start], wanted, 0)
             self.truncated = False
-        else:
-            yield from self._read_all(wanted)
-        if self._counts is not None:
-            self._count_missing(self._counts, wanted)
+        elif self.source.size == 0:
+            raise DataError(f"{self.path}: the file is empty")
+        else:  # all records from the start; a remote file is copied first
+            with (
+                opened(self.source) as file,
+                mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+            ):
+                if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
+                    raise DataError(f"{self.path}: not an MCAP file")
+                yield from self._walk(content, wanted, len(MAGIC))
+        if self._counts is None:
+            return
+        self.missing.clear()
+        self.counted = True
+        for channel, topic in self._channels.items():
+            if topic in wanted:
+                lost = self._counts.get(channel, 0) - self._seen[channel]
+                self.missing[topic] += max(0, lost)
+        if self.missing.total() and not self.truncated:
+            self.damaged = max(self.damaged, 1)
 
     def _read_summary(self) -> bool:
         """Return whether there is a description at the end of the file, which is taken over then.
@@ -221,18 +231,6 @@ class McapFile(BagFile):
             together.append((first, last))
         if together:
             yield together
-
-    def _read_all(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:
-        """Yield the messages of all records from the start; a remote file is copied first."""
-        if self.source.size == 0:
-            raise DataError(f"{self.path}: the file is empty")
-        with (
-            opened(self.source) as file,
-            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
-        ):
-            if MAGIC not in (content[: len(MAGIC)], content[-len(MAGIC) :]):
-                raise DataError(f"{self.path}: not an MCAP file")
-            yield from self._walk(content, wanted, len(MAGIC))
 
     def _walk(
         self, content: mmap.mmap | bytes, wanted: set[str], place: int
@@ -347,15 +345,6 @@ class McapFile(BagFile):
                 self._describe(opcode, chunk[place + HEAD : end])
             place = end
         return {channel: np.array(starts) for channel, starts in places.items()}
-
-    def _count_missing(self, counts: dict[int, int], wanted: set[str]) -> None:
-        self.missing.clear()
-        self.counted = True
-        for channel, topic in self._channels.items():
-            if topic in wanted:
-                self.missing[topic] += max(0, counts.get(channel, 0) - self._seen[channel])
-        if self.missing.total() and not self.truncated:
-            self.damaged = max(self.damaged, 1)
 
 
 def bytes_at(buffer: NDArray[np.uint8], channel: int, places: IntArray) -> int:

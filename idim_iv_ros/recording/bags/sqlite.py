@@ -6,7 +6,7 @@ computes (views, virtual tables, generated columns).
 
 import os
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, suppress
 from itertools import islice
 from urllib.parse import quote
@@ -120,13 +120,12 @@ class SqliteFile(BagFile):
                     return
 
 
-def _in_batches(messages: Iterable[tuple[str, int, bytes]]) -> Iterator[tuple[str, MessageBatch]]:
+def _in_batches(messages: Iterator[tuple[str, int, bytes]]) -> Iterator[tuple[str, MessageBatch]]:
     """Group messages (topic, log time in ns, bytes) by topic, up to 20,000 at a time."""
-    remaining = iter(messages)
     while True:
         by_topic: dict[str, list[tuple[int, bytes]]] = {}
         size = 0
-        for topic, stamp, data in islice(remaining, _TOGETHER):
+        for topic, stamp, data in islice(messages, _TOGETHER):
             by_topic.setdefault(topic, []).append((stamp, data))
             size += len(data)
             if size > _BYTES_TOGETHER:

@@ -45,11 +45,9 @@ class GrowingMcap:
 
     Every commit writes the new messages as compressed chunks, and behind them the summary and
     footer that a reader needs, which the next commit overwrites. A killed process leaves a file
-    that any MCAP reader opens, without the messages after the last commit. A commit that fails
-    leaves the file as it was, and keeps its messages for the next one.
-
-    `path`: must not exist. `storage`: compression and size of the chunks. `counts`: number of
-    messages added to each topic. `summary`: content on disk.
+    that any MCAP reader opens, without the messages after the last commit; a commit that fails
+    keeps its messages for the next one. `path`: must not exist. `counts`: number of messages added
+    to each topic. `summary`: content on disk.
 
     Raises OSError: the file cannot be made.
     """
@@ -58,8 +56,7 @@ class GrowingMcap:
         self.path = path
         self.counts: dict[str, int] = {}
         self.summary = FileSummary(path.name, None, 0, {}, 0)
-        self._first: int | None = None
-        self._last: int | None = None
+        self._span: tuple[int, int] | None = None  # first and last log time
         self._channels: dict[str, int] = {}
         self._stream = _Stream()
         # Not the name alone: what a robot did cannot be made again, so nothing may replace it.
@@ -96,16 +93,12 @@ class GrowingMcap:
     def add(self, messages: Iterable[Message]) -> None:
         """Add messages of described topics."""
         add_message, channels, counts = self._writer.add_message, self._channels, self.counts
-        size = 0
         for log_time, topic, data, publish_time, sequence in messages:
             add_message(channels[topic], log_time, data, publish_time, sequence & 0xFFFFFFFF)
             counts[topic] += 1
-            size += len(data)
-            if self._first is None or log_time < self._first:
-                self._first = log_time
-            if self._last is None or log_time > self._last:
-                self._last = log_time
-        self._open_chunk += size
+            self._open_chunk += len(data)
+            first, last = self._span or (log_time, log_time)
+            self._span = min(first, log_time), max(last, log_time)
 
     def commit(self, announce: Callable[[FileSummary], None] | None = None) -> None:
         """Write all added messages to disk.
@@ -122,9 +115,10 @@ class GrowingMcap:
         trailer = self._stream.take()
         self._stream.begin = body
         content = bytes(self._waiting) + trailer
-        duration = 0 if self._first is None or self._last is None else self._last - self._first
+        first, last = self._span or (None, None)
+        duration = 0 if first is None or last is None else last - first
         size = self._end + len(content)
-        summary = FileSummary(self.path.name, self._first, duration, dict(self.counts), size)
+        summary = FileSummary(self.path.name, first, duration, dict(self.counts), size)
         if announce is not None:
             announce(summary)
         try:
@@ -192,10 +186,9 @@ class GrowingBag:
     metadata says, and what a crash between the two loses can be counted.
 
     `folder`: made here; must not exist. `clock`: returns log time, ns, to stamp repeated messages
-    at the start of a file with; zero while it is unknown (they wait for it). `latched`: last
-    message of latched topics that arrived before the bag was opened. `topics`: known from the
-    start. `storage`: compression and size of the chunks. `max_size`, `max_duration`: bytes of a
-    file, and s for which it was written, after which a commit begins a new one; zero means never.
+    with; zero while it is unknown (they wait for it). `latched`: last messages of latched topics
+    from before. `storage`: of the chunks. `max_size`, `max_duration`: bytes of a file, and s for
+    which it was written, after which a commit begins a new one; zero means never.
 
     Raises OSError: the folder or its first file cannot be made.
     """
@@ -247,11 +240,8 @@ class GrowingBag:
         """Add messages of described topics."""
         self._repeat()
         self.file.add(messages)
-        latched = {name for name, topic in self.topics.items() if topic.latched}
-        if latched:
-            for message in messages:
-                if message[1] in latched:
-                    self._latched[message[1]] = message
+        if latched := {name for name, topic in self.topics.items() if topic.latched}:
+            self._latched |= {message[1]: message for message in messages if message[1] in latched}
 
     def repeat(self, latched: Mapping[str, Message]) -> None:
         """Add latched messages of described topics that came before log time was known."""

@@ -52,9 +52,8 @@ PRESETS = {
 class OfferedQos:
     """Quality of service of one publisher, as rosbag2 writes it.
 
-    `reliability`: ``reliable`` or ``best_effort``. `durability`: ``volatile`` or
-    ``transient_local``. `depth`: length of the publisher's history; discovery does not say it, and
-    a replay does not need it.
+    `reliability`: ``reliable`` or ``best_effort``; `durability`: ``volatile`` or
+    ``transient_local``; `depth` of its history: discovery does not say it, and no replay needs it.
     """
 
     reliability: str = "reliable"
@@ -101,9 +100,7 @@ class TopicChannel:
     @property
     def latched(self) -> bool:
         """Return whether late subscribers get the last message (all transient local)."""
-        return bool(self.offered) and all(
-            qos.durability == "transient_local" for qos in self.offered
-        )
+        return {qos.durability for qos in self.offered} == {"transient_local"}
 
     @property
     def definition(self) -> Definition:
@@ -134,7 +131,6 @@ class ShortChunkWriter(Writer):
 
     `stream`: has `write`, `tell` and `flush`. `library`: name of the program, in the header.
     `summary_offsets`: whether to write them; they pile up if `finish` is called repeatedly.
-    `storage`: compression and size of the chunks.
     """
 
     def __init__(
@@ -145,11 +141,9 @@ class ShortChunkWriter(Writer):
         summary_offsets: bool = True,
         storage: Storage | None = None,
     ) -> None:
-        storage = storage or Storage()
         super().__init__(
             cast(IO[bytes], stream),
-            chunk_size=storage.chunk_size,
-            compression=storage.compression,
+            **vars(storage or Storage()),
             use_summary_offsets=summary_offsets,
         )
         self._first: int | None = None
@@ -174,10 +168,9 @@ class ShortChunkWriter(Writer):
 
 @dataclass(frozen=True)
 class JointTopic:
-    """One JointState topic to be written.
+    """One JointState topic to be written; a leading slash is added to a `name` without one.
 
-    `name`: of the topic; a leading slash is added if it has none. `time`: (n,) s. `position` (rad
-    or m), `velocity`, `effort`: (n, n_joints) or None.
+    `time` (n,) s; `position` (rad or m), `velocity`, `effort`: (n, n_joints) or None.
     """
 
     name: str
@@ -229,9 +222,8 @@ def write_messages(
     """Write a bag to a file that is open; see `write_bag`."""
     writer = ShortChunkWriter(stream, library=PROGRAM)
     if robot_description is not None:
-        channel = TopicChannel(
-            "/robot_description", _STRING, (OfferedQos(durability="transient_local"),)
-        ).register(writer)
+        latched = (OfferedQos(durability="transient_local"),)
+        channel = TopicChannel("/robot_description", _STRING, latched).register(writer)
         start = int(min(_nanoseconds(topic.time)[0] for topic in topics))
         store = get_typestore(Stores.ROS2_JAZZY)
         text = store.serialize_cdr(store.types[_STRING](data=robot_description), _STRING)
@@ -245,10 +237,8 @@ def write_messages(
     number = np.concatenate([np.arange(len(s)) for s in stamps])
     for place in np.argsort(np.concatenate(stamps), kind="stable"):
         topic, message = int(owner[place]), int(number[place])
-        stamp = int(stamps[topic][message])
-        writer.add_message(
-            channels[topic], stamp, payloads[topic][message].tobytes(), stamp, sequence=message
-        )
+        stamp, data = int(stamps[topic][message]), payloads[topic][message].tobytes()
+        writer.add_message(channels[topic], stamp, data, stamp, sequence=message)
     writer.finish()  # type: ignore[no-untyped-call]
 
 
