@@ -109,7 +109,8 @@ def _best_of(
         )
         model = comparison.with_terms([*terms[:number], other, *terms[number + 1 :]])
         values = model.coefficients[model.blocks[number]]
-        if catalogue.why_impossible(term.candidate, shape, values, values):
+        # Numbers of no arm are reached, not stopped short of: they stand for something else.
+        if not term.effect.admissible(shape, values):
             continue
         if best is None or model.level > best[0]:
             best = model.level, other
