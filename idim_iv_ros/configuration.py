@@ -351,11 +351,8 @@ class Configuration(Section):
 def load_configuration(path: FilePath) -> Configuration:
     """Read and check a robot's YAML file; the path of its URDF or MJCF becomes absolute.
 
-    Raises
-    ------
-    UsageError
-        File missing or unreadable, broken YAML, unknown key, wrong type, length or value,
-        URDF or MJCF file missing. The message names the key and the file.
+    Raises UsageError: file missing or unreadable, broken YAML, unknown key, wrong type, length or
+    value, URDF or MJCF file missing. The message names the key and the file.
     """
     path = Path(path)
     data = read_mapping(path)

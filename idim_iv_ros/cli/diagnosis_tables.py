@@ -74,7 +74,7 @@ def print_diagnosis(console: Console, result: GapResult) -> None:
 def _print_contrast(console: Console, result: GapResult, contrast: ContrastResult) -> None:
     tone, _, words = contrast_badge(contrast)
     console.print(Text(f"Contrast: {words}.", style=f"bold {_STYLES[tone]}"))
-    console.print(Text(" ".join(contrast_headline(result, contrast))))
+    console.print(Text(" ".join(contrast_headline(contrast))))
     rows = []
     for cause in contrast.causes:
         what = f"{effect_words(cause.effect)}\n{cause.joint or 'all joints'}\n{cause.change}"

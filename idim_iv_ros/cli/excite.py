@@ -84,12 +84,7 @@ def excite_command(
     require_place(out, force=force)
     with output.progress() as progress:
         if purpose == "diagnosis":
-            how: dict[str, Any] = {
-                "duration": duration,
-                "rate": rate,
-                "seed": seed,
-                "start": posture,
-            }
+            how: dict[str, Any] = {"duration": duration, "rate": rate, "start": posture}
             how |= {"seed": seed, "progress": progress}
             diagnosis = design_diagnosis(model, limits, configuration, **how)
             trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency

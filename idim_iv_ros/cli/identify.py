@@ -14,6 +14,7 @@ from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import LONGEST, Output, next_command, print_table
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.files import RESULT, SERVO, signed, write_together
+from idim_iv_ros.report.numerals import plural
 
 if TYPE_CHECKING:
     from idim_iv_ros.diagnosis.result.document import GapResult
@@ -53,8 +54,8 @@ def check_command(
         more = f" (and {len(others)} more)" if others else ""
         raise DataError(f"not usable for an identification: {first.where}: {first.sentence}{more}")
     limits = sum(finding.level == "limited" for finding in report.findings)
-    plural = "s" if limits > 1 else ""
-    output.line(f"Usable, with {limits} limit{plural} named above." if limits else "Usable.")
+    named = f"Usable, with {plural(limits, 'limit')} named above."
+    output.line(named if limits else "Usable.")
     output.line(f"Next: {next_command('identify', bags, config, '--out', 'results')}")
 
 
@@ -174,11 +175,10 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
 def print_verdict(console: Console, result: IdentificationResult) -> None:
     """Print verdict, fit, source of the instruments, and parameters that were left out."""
     fit = result.fit
-    plural = "s" if result.iterations > 1 else ""
     lines = [
         f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
         f"relative error {fit.relative_error_percent:.3g} % on {fit.samples} rows; "
-        f"{result.iterations} iteration{plural}, {'' if result.converged else 'NOT '}converged"
+        f"{plural(result.iterations, 'iteration')}, {'' if result.converged else 'NOT '}converged"
     ]
     percents = [
         f"{joint} {'–' if error is None else f'{error:.3g} %'}"

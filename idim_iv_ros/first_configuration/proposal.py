@@ -178,14 +178,13 @@ def propose_configuration(
         contents = [read_contents(path) for path in paths]
         text, source = _description(contents, None if urdf is None else Path(urdf))
         named, missing = preset.sources(contents) if preset is not None else ({}, {})
-        wanted = topic_of(named.get("joint_states", ""))
-        states, effort = choose_states(contents, wanted)
+        states, effort = choose_states(contents, topic_of(named.get("joint_states", "")))
         servo = effort is None and not states.with_effort()
         efforts = topic_of(named.get("effort", "")) or (effort or states).name
         joints, left_out, warnings = choose_joints(
             text, source, contents, states.name, None if servo else efforts
         )
-        topics, why = choose_topics(contents, joints, wanted)
+        topics, why = choose_topics(contents, joints, states, effort)
         sources = {**topics, **named}  # those of the driver where it names them
         reasons = {("signals", key): reason for key, reason in why.items()}
         values: dict[str, dict[str, object]] = {

@@ -90,7 +90,7 @@ def read_contents(path: Path) -> BagContents:
     described = {name for name in topics if name.endswith(_DESCRIPTION)}
     kinds = {name: kind for name, kind in topics.items() if may_hold_joints(kind)}
     descriptions: dict[str, str] = {}
-    readers: dict[tuple[str, bool], JointMessageReader] = {}
+    readers: dict[str, list[JointMessageReader]] = {}  # Of what was measured, and asked for
     numbers: dict[str, int] = {}
     counts: dict[str, tuple[int, int, int]] = {}  # messages, first and last arrival in ns
     for topic, batch in bag.batches({*kinds, *described}):
@@ -98,36 +98,30 @@ def read_contents(path: Path) -> BagContents:
             text = robot_description(batch)
             descriptions.update({} if text is None else {topic: text})
             continue
+        new, name = topic not in counts, bag.topics[topic]
         count, first, _ = counts.get(topic, (0, int(batch.arrival[0]), 0))
         counts[topic] = (count + len(batch), first, int(batch.arrival[-1]))
-        if kinds[topic] != FLOAT_ARRAY:
-            controller = kinds[topic] in (CONTROLLER_STATE, MANY_STATES)
-            for asked in (False, True) if controller else (False,):
-                if (topic, asked) not in readers:
-                    name = bag.topics[topic]
-                    kind = JointMessageType(name, bag.definitions.get(name), reference=asked)
-                    readers[topic, asked] = JointMessageReader(
-                        topic, kind, [], ["position", "effort"], grows=True
-                    )
-                readers[topic, asked].add(batch)
-        elif topic not in numbers:
+        if new and kinds[topic] == FLOAT_ARRAY:
             first_message = JointMessageType(FLOAT_ARRAY).read(batch.message(0), ["effort"])
             numbers[topic] = len(first_message.numbers.get("effort", ()))
+        elif new:
+            sides = (False, True) if kinds[topic] in (CONTROLLER_STATE, MANY_STATES) else (False,)
+            types = [JointMessageType(name, bag.definitions.get(name), reference=s) for s in sides]
+            fields = ["position", "effort"]
+            readers[topic] = [JointMessageReader(topic, t, [], fields, grows=True) for t in types]
+        for reader in readers.get(topic, ()):
+            reader.add(batch)
     contents = []
     for topic, (count, first, last) in counts.items():
-        duration, of_array = 1e-9 * (last - first), numbers.get(topic, 0)
-        for asked in (False, True) if (topic, True) in readers else (False,):
-            joints = {}
-            if (reader := readers.get((topic, asked))) is not None:
-                values = reader.finish().values
-                columns = (values["position"].T, values["effort"].T)
-                joints = {
-                    name: _joint_contents(position, effort)
-                    for name, position, effort in zip(reader.joints, *columns, strict=True)
-                }
-            contents.append(
-                TopicContents(topic, count, duration, joints, of_array, kinds[topic], asked)
-            )
+        duration, kind = 1e-9 * (last - first), kinds[topic]
+        if topic in numbers:
+            contents.append(TopicContents(topic, count, duration, {}, numbers[topic], kind))
+        for side, reader in enumerate(readers.get(topic, ())):
+            values = reader.finish().values
+            columns = zip(reader.joints, values["position"].T, values["effort"].T, strict=True)
+            joints = {name: _joint_contents(q, effort) for name, q, effort in columns}
+            asked = side == 1
+            contents.append(TopicContents(topic, count, duration, joints, 0, kind, asked))
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
     # The global description, or that of the one namespace that has any.
@@ -199,13 +193,15 @@ def _likeness(topic: TopicContents) -> tuple[bool, int, int, bool, bool, int]:
 
 
 def choose_topics(
-    bags: Sequence[BagContents], joints: Sequence[str], wanted: str | None = None
+    bags: Sequence[BagContents],
+    joints: Sequence[str],
+    states: TopicContents,
+    effort: TopicContents | None,
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Choose all topics for these joints; `wanted` as in `choose_states`.
+    """Choose all topics for these joints; `states` and `effort` are those of `choose_states`.
 
     Returns topics, and the reasons for them or for their lack, by key of the section `signals`.
     """
-    states, effort = choose_states(bags, wanted)
     used = {states.name, effort.name if effort else ""}
     # Those on which every bag has positions of all joints.
     whole = [

@@ -7,10 +7,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.causes import Cause, Gap, Unexplained
 from idim_iv_ros.diagnosis.result.document import GapResult, JointGap
-from idim_iv_ros.diagnosis.result.recordings import (
-    ContrastCause,
-    ContrastResult,
-)
+from idim_iv_ros.diagnosis.result.recordings import ContrastCause, ContrastResult
 from idim_iv_ros.diagnosis.sentences import left_out
 from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.effects.registry import parameter_words, part_of
@@ -41,12 +38,12 @@ from idim_iv_ros.report.numerals import (
 )
 from idim_iv_ros.report.section import Files, Report
 
-# Badge of each verdict on an identification: CSS class, sign.
-_BADGES = {
-    "valid": ("good", "✓"),
-    "autocorrelated": ("fair", "≈"),
-    "misspecified": ("bad", "✕"),
-    "inconclusive": ("open", "?"),
+# Badge of each verdict on an identification: CSS class, sign, words.
+BADGES = {
+    "valid": ("good", "✓", "valid"),
+    "autocorrelated": ("fair", "≈", "autocorrelated"),
+    "misspecified": ("bad", "✕", "misspecified"),
+    "inconclusive": ("open", "?", "inconclusive"),
 }
 FAMILIES = {
     "velocity": "follows the speed",
@@ -67,11 +64,6 @@ class Step:
     code: str
 
 
-def verdict_badge(verdict: str) -> tuple[str, str, str]:
-    """Return the verdict of an identification as a badge: CSS class, sign, words."""
-    return (*_BADGES[verdict], verdict)
-
-
 def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
     """Return sentences on the size of the gap, its main cause, and how certain that is.
 
@@ -82,13 +74,12 @@ def diagnosis_headline(result: GapResult) -> tuple[str, ...]:
     given = any(stage.name == "given" for stage in result.stages)
     model = "nominal model" if given else "refitted model"
     out = (sentence(left_out(result.left_out)),) if result.left_out else ()
-    out = (*_disagreement(result), *out)
-    if worst is None:
-        words = f"The gap of the {model} could not be judged at any joint."
-        return *out, words, _cause_words(result, None)
-    size = f"The {model} misses {_share_missed(worst)} at {worst.joint}."
-    cause, certainty = _cause_words(result, worst), _certainty(result, worst)
-    return (*out, size, cause, certainty) if certainty else (*out, size, cause)
+    size, certainty = f"The gap of the {model} could not be judged at any joint.", ""
+    if worst is not None:
+        size = f"The {model} misses {_share_missed(worst)} at {worst.joint}."
+        certainty = _certainty(result, worst)
+    said = (size, _cause_words(result, worst), certainty)
+    return *_disagreement(result), *out, *filter(None, said)
 
 
 def _share_missed(gap: JointGap) -> str:
@@ -140,7 +131,9 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
         others = f", with {more} more" if more else ""
         name = effect_at(first.effect, first.joint)
         everywhere = any(cause.joint is None for cause in result.causes)
-        places = {place for cause in result.causes for place in _joints_of(cause)}
+        places = {cause.joint for cause in result.causes}
+        places |= {cause.other_joint for cause in result.causes}
+        places |= {change.joint for cause in result.causes for change in cause.joint_gaps}
         if worst is not None and not everywhere and worst not in places:
             if any(error.joint == worst for error in result.parameter_errors):
                 return f"Wrong parameter values there{corrected}; besides them, {name}{others}."
@@ -206,18 +199,10 @@ def _corrected_share(result: GapResult, gap: JointGap) -> str:
     return f" ({percent(100.0 * min(shrinkage, 1.0))} of it corrected)"
 
 
-def _joints_of(cause: Cause) -> set[str | None]:
-    return {cause.joint, cause.other_joint, *(change.joint for change in cause.joint_gaps)}
-
-
 def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     """Return sentences: are the parameters valid, how well do they fit, how precise are they."""
-    colour = verdict_badge(result.verdict.verdict)[0]
-    wrong = [
-        residual.joint
-        for residual in result.residuals
-        if verdict_badge(residual.verdict)[0] == "bad"
-    ]
+    colour = BADGES[result.verdict.verdict][0]
+    wrong = [one.joint for one in result.residuals if BADGES[one.verdict][0] == "bad"]
     where = first_of(wrong, 3) or "several joints together"
     level = percent(100.0 * result.instruments.alpha)
     believed = {
@@ -253,7 +238,7 @@ def _has_reference(result: IdentificationResult) -> bool:
 def identification_steps(report: Report[IdentificationResult]) -> list[Step]:
     """Return the recommended steps after an identification, the most important first."""
     result, files, config = report.result, report.files, report.files.config
-    colour = verdict_badge(result.verdict.verdict)[0]
+    colour = BADGES[result.verdict.verdict][0]
     bags = [bag.path for bag in result.bags]
     diagnosis = files.command("diagnose", *bags, out="why")
     motion = files.command("excite", out="motion")
@@ -347,7 +332,7 @@ def _recording_step(result: GapResult, files: Files) -> Step:
     return Step("Record again where the simulator matters to you, and compare:", repeat)
 
 
-def contrast_headline(result: GapResult, contrast: ContrastResult) -> list[str]:
+def contrast_headline(contrast: ContrastResult) -> list[str]:
     """Return sentences on what changed between two sets, by how much, and how certain that is."""
     apart = list(map(sentence, contrast.not_compared))
     if contrast.causes:

@@ -20,6 +20,7 @@ SHADE = "var(--shade)"
 FORWARD, BACKWARD = "var(--forward)", "var(--backward)"
 FORWARD_BAND, BACKWARD_BAND = "var(--forward-band)", "var(--backward-band)"
 
+Values = NDArray[np.floating[Any]]
 # Levels of a packed number, and the one that stands for none.
 _LEVELS, BREAK = 65534, 65535
 _DOTS = 200  # of one cloud
@@ -45,7 +46,7 @@ class Figure:
         return Markup(json_text(content, indent=None).replace("<", "\\u003c"))
 
 
-def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]:
+def typed(values: Values | Sequence[float]) -> dict[str, Any]:
     """Return values (n,) packed as 16-bit integers with scale, which the page's script unpacks.
 
     They take a sixth of the text, and resolve more than the pixels of a screen. A number that is
@@ -53,83 +54,49 @@ def typed(values: NDArray[np.floating[Any]] | Sequence[float]) -> dict[str, Any]
     """
     numbers = np.asarray(values, dtype=float)
     finite = np.isfinite(numbers)
-    low, high = (
-        (float(numbers[finite].min()), float(numbers[finite].max())) if finite.any() else (0, 0)
-    )
+    ends = numbers[finite] if finite.any() else np.zeros(1)
+    low, high = float(ends.min()), float(ends.max())
     step = (high - low) / _LEVELS or 1.0
     scaled = np.where(finite, np.round((np.where(finite, numbers, low) - low) / step), BREAK)
     data = base64.b64encode(scaled.astype("<u2").tobytes()).decode("ascii")
     return {"levels": data, "low": low, "step": step}
 
 
+def scatter(x: object, y: object, mode: str, **options: object) -> dict[str, Any]:
+    """Return a trace through points (n,) each, in a mode of plotly: lines, markers or none."""
+    return {"type": "scatter", "mode": mode, "x": x, "y": y, **options}
+
+
 def line(
-    x: object,
-    y: NDArray[np.floating[Any]],
-    colour: str,
-    width: float,
-    hover: str,
-    **options: object,
+    x: object, y: Values, colour: str, width: float, hover: str, mode: str = "lines", **options: Any
 ) -> dict[str, Any]:
     """Return a trace of a line through `y` (n,); ``{"same": k}`` is the `x` of trace k."""
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": x if isinstance(x, dict) else typed(np.asarray(x)),
-        "y": typed(y),
-        "line": {"color": colour, "width": width},
-        "hovertemplate": f"{hover}<extra></extra>",
-        **options,
-    }
+    style = {"line": {"color": colour, "width": width}, "hovertemplate": f"{hover}<extra></extra>"}
+    along = x if isinstance(x, dict) else typed(np.asarray(x))
+    return scatter(along, typed(y), mode, **style, **options)
 
 
-def dots(
-    x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, size: float = 2.6
-) -> dict[str, Any]:
+def dots(x: Values, y: Values, colour: str, size: float = 2.6) -> dict[str, Any]:
     """Return a trace of samples `x`, `y` (n,); if there are many, of some drawn at random.
 
     Every n-th sample of a periodic motion would always be at the same place.
     """
     count = min(_DOTS, len(x))
     chosen = np.sort(np.random.default_rng(0).choice(len(x), count, replace=False))
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "x": typed(x[chosen]),
-        "y": typed(y[chosen]),
-        "marker": {"color": colour, "size": size, "opacity": 0.28, "line": {"width": 0}},
-        "hoverinfo": "skip",
-    }
+    marker = {"color": colour, "size": size, "opacity": 0.28, "line": {"width": 0}}
+    return scatter(typed(x[chosen]), typed(y[chosen]), "markers", marker=marker, hoverinfo="skip")
 
 
-def outline(
-    x: NDArray[np.floating[Any]], y: NDArray[np.floating[Any]], colour: str, **options: object
-) -> dict[str, Any]:
+def outline(x: Values, y: Values, colour: str, **options: object) -> dict[str, Any]:
     """Return a trace of a filled area with the corners `x`, `y` (n,), without a line."""
-    return {
-        "type": "scatter",
-        "mode": "none",
-        "x": typed(x),
-        "y": typed(y),
-        "fill": "toself",
-        "fillcolor": colour,
-        "hoverinfo": "skip",
-        **options,
-    }
+    style = {"fill": "toself", "fillcolor": colour, "hoverinfo": "skip"}
+    return scatter(typed(x), typed(y), "none", **style, **options)
 
 
 def band(x: tuple[object, object], y: tuple[float, float], **options: object) -> dict[str, Any]:
     """Return a shaded rectangle below the traces."""
-    return {
-        "type": "rect",
-        "x0": x[0],
-        "x1": x[1],
-        "y0": y[0],
-        "y1": y[1],
-        "fillcolor": SHADE,
-        "line": {"width": 0},
-        "layer": "below",
-        **options,
-    }
+    style = {"type": "rect", "fillcolor": SHADE, "line": {"width": 0}, "layer": "below"}
+    return {**style, "x0": x[0], "x1": x[1], "y0": y[0], "y1": y[1], **options}
 
 
 def axis(title: str = "", **options: object) -> dict[str, Any]:
@@ -141,7 +108,7 @@ def axis(title: str = "", **options: object) -> dict[str, Any]:
 class TimeCurve:
     """A curve over time, in the upper or lower (`below`) panel; `words` are shown on hovering."""
 
-    values: NDArray[np.floating[Any]]
+    values: Values
     colour: str
     width: float
     words: str
@@ -152,7 +119,7 @@ def over_time(
     anchor: str,
     height: int,
     description: str,
-    time: NDArray[np.floating[Any]],
+    time: Values,
     drawn: Sequence[TimeCurve],
     titles: tuple[str, str],
     split: float,

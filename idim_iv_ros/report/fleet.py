@@ -18,7 +18,7 @@ from idim_iv_ros.fleet.result import (
 )
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
-from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band
+from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band, scatter
 from idim_iv_ros.report.numerals import INTERVAL, THIN, number, plural
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
@@ -48,6 +48,7 @@ _SECTIONS = {
     "bags": "Bags that were not used",
     "limits": "What the numbers mean",
 }
+_HOVER = "%{text}<extra></extra>"
 _MOST_BAGS = 3  # of a robot in a command
 _MOST_NAMES = 6  # of robots in a sentence
 _ROW = 26  # pixels of one quantity
@@ -225,18 +226,13 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
             words = f"{robot.robot}: {quantity.name} {number(estimate.value, 4)} {quantity.unit}"
             side = max(-_FARTHEST, min(_FARTHEST, distance))
             marks[estimate.differs].append((side, height + shift, words))
-    data = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": [round(x, 3) for x, _, _ in marks[differs]],
-            "y": [round(y, 3) for _, y, _ in marks[differs]],
-            "text": [words for _, _, words in marks[differs]],
-            "marker": {"color": colour, "size": size, "opacity": opacity, "symbol": "diamond"},
-            "hovertemplate": "%{text}<extra></extra>",
-        }
-        for differs, colour, size, opacity in ((False, BLUE, 5, 0.55), (True, ORANGE, 8, 1.0))
-    ]
+    data = []
+    for differs, colour, size, opacity in ((False, BLUE, 5, 0.55), (True, ORANGE, 8, 1.0)):
+        x = [round(across, 3) for across, _, _ in marks[differs]]
+        y = [round(upward, 3) for _, upward, _ in marks[differs]]
+        marker = {"color": colour, "size": size, "opacity": opacity, "symbol": "diamond"}
+        hover = {"text": [words for _, _, words in marks[differs]], "hovertemplate": _HOVER}
+        data.append(scatter(x, y, "markers", marker=marker, **hover))
     names = [quantity.name for quantity, *_ in rows]
     axes = {
         "xaxis": axis("Distance from the mean of the type, standard deviations of its robots",
@@ -279,34 +275,27 @@ def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
 
 
 def _change_figure(change: ParameterChange, anchor: str) -> Figure:
-    times = list(change.times)
+    times, fitted = list(change.times), list(change.fitted)
     bars = [INTERVAL * std for std in change.stds]
-    dots = {
-        "type": "scatter",
-        "mode": "markers",
-        "x": times,
-        "y": list(change.values),
-        "error_y": {"type": "data", "array": bars, "color": BLUE, "thickness": 1, "width": 0},
-        "marker": {"color": BLUE, "size": 7, "symbol": "diamond"},
-        "hovertemplate": f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
-    }
-    fitted = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": times,
-        "y": list(change.fitted),
-        "line": {"color": ORANGE, "width": 2},
-        "hoverinfo": "skip",
-    }
+    dots = scatter(
+        times,
+        list(change.values),
+        "markers",
+        error_y={"type": "data", "array": bars, "color": BLUE, "thickness": 1, "width": 0},
+        marker={"color": BLUE, "size": 7, "symbol": "diamond"},
+        hovertemplate=f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
+    )
     if change.kind == "step":
         # The level holds up to the first bag that is changed.
         before = int(np.searchsorted(times, change.begin))
-        fitted["x"] = [times[0], change.begin, change.begin, times[-1]]
-        fitted["y"] = [change.before, change.before, change.fitted[before], change.fitted[-1]]
+        times = [times[0], change.begin, change.begin, times[-1]]
+        fitted = [change.before, change.before, change.fitted[before], change.fitted[-1]]
+    style = {"line": {"color": ORANGE, "width": 2}, "hoverinfo": "skip"}
+    law = scatter(times, fitted, "lines", **style)
     begin = band((change.begin_low, change.begin_high), (0.0, 1.0), yref="paper")
     axes = {
         "xaxis": axis("", type="date"),
         "yaxis": axis(f"{change.name}, {change.unit}", nticks=6),
     }
     words = f"{change.name} of each bag over time, and the change that was found"
-    return Figure(anchor, 250, words, [dots, fitted], {**axes, "shapes": [begin]})
+    return Figure(anchor, 250, words, [dots, law], {**axes, "shapes": [begin]})

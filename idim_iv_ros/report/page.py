@@ -2,8 +2,8 @@
 
 import base64
 import gzip
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from importlib import resources
 from inspect import getmembers, isfunction
 from typing import Any
@@ -16,47 +16,59 @@ from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import gap_words, numerals
+from idim_iv_ros.report.figures import Figure
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
-from idim_iv_ros.report.sections.drives import FRICTION, RESIDUAL_CURVES, TRANSMISSIONS
-from idim_iv_ros.report.sections.parameters import CHANGES, PARAMETERS, PHYSICAL
-from idim_iv_ros.report.sections.provenance import GLOSSARY, LIMITS, NOTES, PROCESSING, PROVENANCE
-from idim_iv_ros.report.sections.stages import REGIMES, STAGES
-from idim_iv_ros.report.sections.torque import TORQUE, TRACKING
-from idim_iv_ros.report.sections.validation import INSTRUMENTS, RESIDUALS
-from idim_iv_ros.report.sections.verdict import CAUSES, CONTRAST, GAP_VERDICT, VERDICT
+from idim_iv_ros.report.sections import (
+    drives,
+    parameters,
+    provenance,
+    torque,
+    validation,
+    verdict,
+)
 
+
+def _drawn(figure: Callable[[Any, Any], Figure]) -> Callable[[Report[Any]], dict[str, Any]]:
+    """Return the context of a section whose template asks for figures of a result's series."""
+    return lambda report: {"figure": partial(figure, report.result)}
+
+
+_TORQUE = Section("Torque", "torque", torque.torque)
+_CHANGES = Section("Given → new", "changes", parameters.changes)
+_PHYSICAL = Section("Physical", "physical", parameters.physical)
+_REPEAT = Section("Repeat", "repeat", provenance.repeat)
+_GLOSSARY: Section[Any] = Section("Glossary", "glossary")
 IDENTIFICATION: tuple[Section[Any], ...] = (
-    VERDICT,
-    TORQUE,
-    CHANGES,
-    PARAMETERS,
-    PHYSICAL,
-    RESIDUALS,
-    INSTRUMENTS,
-    PROCESSING,
-    PROVENANCE,
-    GLOSSARY,
+    Section("Verdict", "verdict", verdict.identification),
+    _TORQUE,
+    _CHANGES,
+    Section("Parameters", "parameters", lambda report: {"typeset": parameters.typeset}),
+    _PHYSICAL,
+    Section("Residuals", "residuals", _drawn(validation.autocorrelation)),
+    Section("Tests", "instruments"),
+    Section("Processing", "processing", provenance.processing),
+    _REPEAT,
+    _GLOSSARY,
 )
 DIAGNOSIS: tuple[Section[Any], ...] = (
-    CONTRAST,
-    GAP_VERDICT,
-    FRICTION,
-    TORQUE,
-    CAUSES,
-    CHANGES,
-    STAGES,
-    RESIDUAL_CURVES,
-    REGIMES,
-    TRACKING,
-    TRANSMISSIONS,
-    PHYSICAL,
-    LIMITS,
-    NOTES,
-    PROVENANCE,
-    GLOSSARY,
+    Section("What changed", "contrast", verdict.contrast),
+    Section("Verdict", "verdict", verdict.diagnosis, "gap_verdict"),
+    Section("Friction", "friction", _drawn(drives.friction_figure)),
+    _TORQUE,
+    Section("Causes", "causes", verdict.causes),
+    _CHANGES,
+    Section("Shrinkage", "stages", torque.stages),
+    Section("Residual", "residuals", _drawn(drives.residual_figure), "residual_curves"),
+    Section("Regimes", "where"),
+    Section("Tracking", "tracking", torque.tracking),
+    Section("Transmissions", "transmissions", _drawn(drives.twist_figure)),
+    _PHYSICAL,
+    Section("Limits", "limits"),
+    Section("Notes", "notes"),
+    _REPEAT,
+    _GLOSSARY,
 )
-_METHODS = {"idim-iv": "IDIM-IV", "idim-ls": "IDIM-LS"}
 
 
 def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
@@ -66,11 +78,10 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     the commands on the page.
     """
     seconds = sum(bag.duration for bag in result.bags)
-    method = _METHODS.get(result.estimator, result.estimator)
     return page_html(
         result.robot,
         "dynamic parameters",
-        f"{method} identification of {plural(len(result.joints), 'joint')} from "
+        f"{result.estimator.upper()} identification of {plural(len(result.joints), 'joint')} from "
         f"{with_unit(seconds, 's')} of recording",
         _sections(Report(result, files), IDENTIFICATION),
     )

@@ -10,7 +10,7 @@ from idim_iv_ros.report.figures import BLUE, GREY, INK, ORANGE, Figure, TimeCurv
 from idim_iv_ros.report.numerals import number, plural, round_number, with_unit
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
-from idim_iv_ros.report.sections.stages import Bar
+from idim_iv_ros.report.sections.torque import Bar
 from idim_iv_ros.report.time_axis import peaks
 from idim_iv_ros.simulators.replay_result import (
     CORRECTED,

@@ -128,17 +128,16 @@ class Report(Generic[R]):
 
 @dataclass(frozen=True)
 class Section(Generic[R]):
-    """One section of a page: title, anchor and template under ``templates/``.
+    """One section of a page, with what its template gets besides `title`, `result` and `files`.
 
-    The template gets `result`, `files` and what `context` returns; None leaves the section out. A
-    section with `about`, a summary, is folded.
+    The template is that of the name of the anchor, else `template`. It, or a context of None, may
+    leave the section out.
     """
 
     title: str
     anchor: str
-    template: str
     context: Callable[[Report[R]], Mapping[str, Any] | None] = lambda report: {}
-    about: str = ""
+    template: str = ""
 
     def render(self, report: Report[R], templates: Environment) -> Markup | None:
         """Return the section as HTML, or one line in its place where it cannot be drawn.
@@ -146,12 +145,14 @@ class Section(Generic[R]):
         A failure is a `ReportWarning`, since all numbers are in another file. With
         ``IDIM_IV_TRACEBACK`` set in the environment it is raised.
         """
+        given: dict[str, Any] = {"anchor": self.anchor, "title": self.title}
         try:
             shown = self.context(report)
             if shown is None:
                 return None
-            given = {"anchor": self.anchor, "result": report.result, "files": report.files}
-            text = templates.get_template(self.template).render(given | dict(shown))
+            template = templates.get_template(f"{self.template or self.anchor}.html.j2")
+            given |= {"result": report.result, "files": report.files}
+            text = template.render(given | dict(shown))
         except Exception as error:
             if os.environ.get("IDIM_IV_TRACEBACK"):
                 raise
@@ -159,12 +160,6 @@ class Section(Generic[R]):
             what = f"the section “{self.title}” of the report cannot be drawn ({reason})"
             message = f"{what}; all numbers are in {report.numbers}"
             warnings.warn(message, ReportWarning, stacklevel=2)
-            text = templates.get_template("failed.html.j2").render(
-                anchor=self.anchor, title=self.title, reason=reason, numbers=report.numbers
-            )
-        if not self.about:
-            return Markup(text)
-        summary = Markup("<b>{}</b> <small>{}</small>").format(self.title, self.about)
-        return Markup('<details class="fold"><summary>{}</summary>\n{}\n</details>').format(
-            summary, Markup(text)
-        )
+            failed = templates.get_template("failed.html.j2")
+            text = failed.render(given, reason=reason, numbers=report.numbers)
+        return Markup(text) if text.strip() else None

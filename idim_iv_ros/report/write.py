@@ -60,27 +60,15 @@ def write_report(
     Files are written under other names and renamed when complete, so that `out` never holds a
     partial file. What cannot be drawn or written of the page is a `ReportWarning`.
 
-    Parameters
-    ----------
-    out : str or Path
-        Folder; created if it does not exist.
-    force : bool
-        Replace files there that this program did not write.
-    config, bags : str or Path, sequence of them
-        The robot's configuration file and the recordings as commands on the page name them; of a
-        fleet its source.
-    reports : mapping of str to str, optional
-        Of a fleet: address of each robot's own report, relative to `out`, by the robot's name.
+    - `out`: folder; created if it does not exist
+    - `force`: replace files there that this program did not write
+    - `config`, `bags`: the robot's configuration file and the recordings as commands on the page
+      name them; of a fleet its source
+    - `reports`: of a fleet, address of each robot's report, relative to `out`, by the robot's name
 
-    Returns
-    -------
-    Path, Path or None
-        Numbers and page; None where there is no page, and none of an earlier result.
-
-    Raises
-    ------
-    UsageError
-        The folder cannot be written, or holds another result or a file not by this program.
+    Returns the paths of numbers and page; None where there is no page, and none of an earlier
+    result. Raises UsageError: the folder cannot be written, or holds another result or a file not
+    by this program.
     """
     name, page_name, html = _FILES[type(result)]
     draw = partial(html, result, files=Files(str(config), str(out), tuple(map(str, bags))))
@@ -124,11 +112,8 @@ def require_writable(
 
     `names` are those of the files that will be written into `out`; `force` replaces any files.
 
-    Raises
-    ------
-    UsageError
-        The folder cannot be written, and why; or it holds the report of another command,
-        or a file that this program did not write.
+    Raises UsageError: the folder cannot be written, and why; or it holds the report of another
+    command, or a file that this program did not write.
     """
     with ExitStack() as undone:
         try:

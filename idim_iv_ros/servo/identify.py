@@ -1,6 +1,6 @@
 """From bags without efforts to the servos of a robot: `idim-iv servo` but for its files."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
@@ -35,21 +35,14 @@ from idim_iv_ros.types import FloatArray
 _LEVEL = 0.95
 # Largest ratio of a standard deviation to 1 / K at which it may be divided by.
 _SHOWN = 1.0 / 3.0
-# Name and unit of what a parameter is times the stiffness, and of the parameter itself.
-_ABSOLUTE = {
-    "inertia": ("armature", "kg m²"),
-    "damping": ("damping", "N m s/rad"),
-    "friction": ("dry friction", "N m"),
-    "offset": ("offset", "N m"),
-    "limit": ("torque limit", "N m"),
-}
-_RATIOS = {
-    "inertia": ("armature / stiffness", "s²"),
-    "damping": ("damping / stiffness", "s"),
-    "friction": ("dry friction / stiffness", "rad"),
-    "offset": ("offset / stiffness", "rad"),
-    "delay": ("delay", "s"),
-    "limit": ("error at the torque limit", "rad"),
+# Names and units of what a parameter is times the stiffness (none: of no use), and of itself.
+_NAMES = {
+    "inertia": ("armature", "kg m²", "armature / stiffness", "s²"),
+    "damping": ("damping", "N m s/rad", "damping / stiffness", "s"),
+    "friction": ("dry friction", "N m", "dry friction / stiffness", "rad"),
+    "offset": ("offset", "N m", "offset / stiffness", "rad"),
+    "delay": ("", "", "delay", "s"),
+    "limit": ("torque limit", "N m", "error at the torque limit", "rad"),
 }
 WITH_LINKS = "inertia of drive and links / stiffness"
 
@@ -74,17 +67,17 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
     covariance = answer.covariance.copy()
     covariance[0, 0] += (model_error * compliance) ** 2
     half = width * float(np.sqrt(covariance[0, 0]))
-    lowest = compliance - half
-    stiffness = ServoNumber(
-        name="stiffness",
-        unit="N m/rad",
-        value=1.0 / compliance,
-        low=1.0 / (compliance + half),
-        high=1.0 / lowest if lowest > 0.0 else np.inf,
-        shown=True,
-    )
-    numbers = [stiffness]
-    for kind, (name, unit) in _ABSOLUTE.items():
+    low, high = 1.0 / (compliance + half), np.inf
+    if half < compliance:
+        high = 1.0 / (compliance - half)
+    numbers = [
+        ServoNumber(
+            name="stiffness", unit="N m/rad", value=1.0 / compliance, low=low, high=high, shown=True
+        )
+    ]
+    for kind, (name, unit, _, _) in _NAMES.items():
+        if not name:
+            continue
         value = getattr(answer.drive, kind)
         slopes = {"compliance": -value / compliance**2, kind: 1.0 / compliance}
         numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
@@ -99,7 +92,7 @@ def ratio_numbers(answer: DriveEstimate, *, with_links: bool) -> tuple[ServoNumb
     - `with_links`: whether the inertia is that of the links, too, because they were not told apart
     """
     width, covariance, numbers = interval_width(answer), answer.covariance, []
-    for kind, (name, unit) in _RATIOS.items():
+    for kind, (_, _, name, unit) in _NAMES.items():
         name = WITH_LINKS if kind == "inertia" and with_links else name
         value = getattr(answer.drive, kind)
         numbers.append(_number(name, unit, value, {kind: 1.0}, covariance, width))
@@ -200,7 +193,7 @@ def identify_servos(
         joints=joints,
         gains=tuple(checks),
         model_error=model_error,
-        warnings=_warnings(configuration, robot, joints, fitted),
+        warnings=tuple(_warnings(configuration, robot, joints, fitted)),
         software={"idim_iv_ros": version("idim-iv-ros"), "scipy": version("scipy")},
         timing=watch.timing,
         series=tuple(
@@ -302,9 +295,8 @@ def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
 
 def _gain_checks(
     joint: str, runs: Sequence[Run], answer: DriveEstimate, settings: Sequence[float]
-) -> list[GainCheck]:
+) -> Iterator[GainCheck]:
     """Compare the given gain of a recording with its estimate from all other recordings."""
-    checks = []
     for tested, given in zip(runs, settings, strict=True):
         others = [run for run in runs if run is not tested]
         drive = fit_drive(others, answer.drive, answer.free)
@@ -315,18 +307,15 @@ def _gain_checks(
         factor, std = fit_factor(scaled, drive)
         wide = interval_width(drive) * std
         low, high = given * max(factor - wide, 0.0), given * (factor + wide)
-        checks.append(
-            GainCheck(
-                recording=tested.name,
-                joint=joint,
-                given=given,
-                estimated=given * factor,
-                low=low,
-                high=high,
-                agrees=low <= given <= high or abs(factor - 1.0) < _SAME,
-            )
+        yield GainCheck(
+            recording=tested.name,
+            joint=joint,
+            given=given,
+            estimated=given * factor,
+            low=low,
+            high=high,
+            agrees=low <= given <= high or abs(factor - 1.0) < _SAME,
         )
-    return checks
 
 
 def _warnings(
@@ -334,8 +323,8 @@ def _warnings(
     robot: RobotModel,
     joints: Sequence[ServoJoint],
     fitted: Sequence[tuple[Sequence[Run], DriveEstimate]],
-) -> tuple[str, ...]:
-    warnings = list(robot.doubts)
+) -> Iterator[str]:
+    yield from robot.doubts
     for joint, (runs, answer) in zip(joints, fitted, strict=True):
         for run in runs:
             left = np.where(run.used, run.position - run.simulated(answer.drive), 0.0)[:, 0]
@@ -343,7 +332,7 @@ def _warnings(
             size = np.sqrt(np.convolve(left**2, np.ones(window) / window, mode="valid"))
             lost = np.flatnonzero(size > _LOST * joint.nominal)
             if len(lost):
-                warnings.append(
+                yield (
                     f"{run.name}: {joint.joint} does not move as its servo asks from "
                     f"{lost[0] / run.rate:.1f} s on: is it off, blocked or pushed there? cut that "
                     "part"
@@ -355,11 +344,10 @@ def _warnings(
         if given is not None and stiffness is not None:
             off = abs(given[place] / stiffness.value - 1.0) > _SAME
             if off and not stiffness.low <= given[place] <= stiffness.high:
-                warnings.append(
+                yield (
                     f"{joint.joint}: controller.kp is {given[place]:.4g} N m/rad, and the "
                     f"recordings say {stiffness.low:.4g} to {stiffness.high:.4g}"
                 )
-    return tuple(warnings)
 
 
 def _series(joint: str, run: Run, answer: DriveEstimate) -> ServoSeries:

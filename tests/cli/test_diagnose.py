@@ -88,7 +88,7 @@ def test_what_changed_is_printed_before_the_reference_by_itself(diagnose, capsys
     assert calls == [tuple(sets[1])]
     printed = " ".join(capsys.readouterr().out.split())
     result = sample_contrast()
-    sentence = " ".join(" ".join(contrast_headline(result, result.contrast)).split())
+    sentence = " ".join(" ".join(contrast_headline(result.contrast)).split())
     assert printed.count(sentence) == 1
     assert printed.index("Contrast:") < printed.index("Verdict:")
     assert "payload" in printed and "mass\xa0=\xa00.81" in printed.replace(" ", "\xa0")

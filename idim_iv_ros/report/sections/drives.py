@@ -1,8 +1,6 @@
 """Sections on what a joint does over its motion: friction, twist of the gear, and the residual."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,38 +22,19 @@ from idim_iv_ros.report.figures import (
     outline,
 )
 from idim_iv_ros.report.gap_words import (
-    drawable,
     extended_beyond_refit,
     small_unit,
     torque_unit,
     unit_in,
 )
 from idim_iv_ros.report.numerals import round_number
-from idim_iv_ros.report.section import Report, Section
 from idim_iv_ros.statistics.curves import SmoothCurve, smooth
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 280
 
 
-def _of_series(
-    figure: Callable[[GapResult, GapSeries], Figure],
-) -> Callable[[Report[GapResult]], dict[str, Any] | None]:
-    """Return the context of a section with a figure of each series; none without series."""
-
-    def context(report: Report[GapResult]) -> dict[str, Any] | None:
-        return {"figure": partial(figure, report.result)} if drawable(report.result) else None
-
-    return context
-
-
-def _twists(report: Report[GapResult]) -> dict[str, Any] | None:
-    return (
-        {"figure": partial(_twist_figure, report.result)} if report.result.transmissions else None
-    )
-
-
-def _twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
+def twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
     """Return a figure of the gear's twist over the load, by direction, with the fitted law."""
     transmission = next(gear for gear in result.transmissions if gear.joint == series.joint)
     index = result.joints.index(series.joint)
@@ -79,21 +58,13 @@ def _twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
     return Figure(f"transmission-{index}", _HEIGHT, words, data, axes)
 
 
-TRANSMISSIONS = Section(
-    "Transmissions",
-    "transmissions",
-    "transmissions.html.j2",
-    _twists,
-    "stiffness and play that encoders behind the gears show",
-)
-
-
 _FRICTION_HEIGHT = 210
 _LEAST_ROWS = 20  # of a direction, for a curve
 _BINS = 40  # of a direction, with equally many rows
 
 
-def _friction_figure(result: GapResult, series: GapSeries) -> Figure:
+def friction_figure(result: GapResult, series: GapSeries) -> Figure:
+    """Return a figure of the friction of a joint over its speed: measured, nominal and fitted."""
     unit, speed = torque_unit(result, series.joint), unit_in(result, "rad/s", series.joint)
     shown = series.torque - series.extended + series.friction
     data, seen = [dots(series.speed, shown, GREY, 4.0)], shown
@@ -130,9 +101,6 @@ def _curves(
     return traces
 
 
-FRICTION = Section("Friction", "friction", "friction.html.j2", _of_series(_friction_figure))
-
-
 _BANDS = {FORWARD: FORWARD_BAND, BACKWARD: BACKWARD_BAND}
 _ROW_HEIGHT = 190
 _GAP, _BETWEEN = 0.045, 0.05
@@ -163,7 +131,8 @@ def _rows(result: GapResult, series: GapSeries) -> list[Row]:
     return rows
 
 
-def _residual_figure(result: GapResult, series: GapSeries) -> Figure:
+def residual_figure(result: GapResult, series: GapSeries) -> Figure:
+    """Return a figure of the residual of a joint over what an effect may follow, a row a model."""
     rows = _rows(result, series)
     unit = torque_unit(result, series.joint)
     panels = _panels(series, unit, unit_in(result, "rad", series.joint))
@@ -282,12 +251,3 @@ def _band(curve: SmoothCurve, colour: str) -> list[dict[str, Any]]:
         )
         for first, last in ends.reshape(-1, 2)
     ]
-
-
-RESIDUAL_CURVES = Section(
-    "Residual",
-    "residuals",
-    "residual_curves.html.j2",
-    _of_series(_residual_figure),
-    "what is left over speed, position, load and distance since a reversal",
-)

@@ -10,50 +10,36 @@ from dataclasses import dataclass
 from typing import Any
 
 from idim_iv_ros.diagnosis.result.document import GapResult
-from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model.parameters import words_of_name
 from idim_iv_ros.report.numerals import INTERVAL, is_number
-from idim_iv_ros.report.section import Nominal, Report, Result, Section
+from idim_iv_ros.report.section import Nominal, Report, Result
 
 
-def _typeset(expression: str) -> str:
+def typeset(expression: str) -> str:
     """Return an expression that can break between terms only."""
     text = expression.replace(" - ", " − ").replace("− ", "−\N{NO-BREAK SPACE}")
     text = text.replace("+ ", "+\N{NO-BREAK SPACE}")
     return re.sub(r"(?<=[0-9.]) (?=[A-Za-z])", "\N{NO-BREAK SPACE}", text)
 
 
-PARAMETERS: Section[IdentificationResult] = Section(
-    "Parameters", "parameters", "parameters.html.j2", lambda report: {"typeset": _typeset}
-)
-
-
 _LARGE = 0.1  # σ from which the change of a base parameter is listed
 
 
-def _physical(report: Report[Any]) -> dict[str, Any] | None:
-    physical = report.result.physical
-    if physical is None and not report.result.why_no_physical:
+def physical(report: Report[Any]) -> dict[str, Any] | None:
+    """Return what the section on the physical set shows; None where there was no search for one."""
+    nearest = report.result.physical
+    if nearest is None and not report.result.why_no_physical:
         return None
     moved = [
         parameter
-        for parameter in (physical.base if physical is not None else ())
+        for parameter in (nearest.base if nearest is not None else ())
         if is_number(parameter.deviations) and abs(parameter.deviations) >= _LARGE
     ]
     return {
-        "physical": physical,
+        "physical": nearest,
         "moved": sorted(moved, key=lambda parameter: -abs(parameter.deviations)),
         "numbers": report.files.here(report.numbers),
     }
-
-
-PHYSICAL: Section[Any] = Section(
-    "Physical",
-    "physical",
-    "physical.html.j2",
-    _physical,
-    "masses, centres and inertias that a simulator can hold",
-)
 
 
 # Kinds of standard parameters that can be set: in a URDF or the configuration, in an MJCF.
@@ -141,7 +127,8 @@ def _place(
     return words_of_name(name, joints), key.format(link=link, joint=joints[number], number=number)
 
 
-def _changes(report: Report[Any]) -> dict[str, Any] | None:
+def changes(report: Report[Any]) -> dict[str, Any] | None:
+    """Return what the section on given and new values shows; None without parameters."""
     rows = changed_values(report.result, report.nominal)
     if not rows:
         return None
@@ -152,6 +139,3 @@ def _changes(report: Report[Any]) -> dict[str, Any] | None:
         "config": report.files.config,
         "given_known": any(row.given is not None for row in rows),
     }
-
-
-CHANGES: Section[Any] = Section("Given → new", "changes", "changes.html.j2", _changes)

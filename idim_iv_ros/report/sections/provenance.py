@@ -10,12 +10,12 @@ from ruamel.yaml import YAML
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.encoding import shell_command
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report.gap_words import untestable
 from idim_iv_ros.report.numerals import with_unit
-from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.report.section import Report
 
 
-def _context(report: Report[Any]) -> dict[str, Any]:
+def repeat(report: Report[Any]) -> dict[str, Any]:
+    """Return what the section on how to repeat the numbers shows."""
     result = report.result
     diagnosis = isinstance(result, GapResult)
     # Whoever reads the page elsewhere has the configuration from it, not its folder.
@@ -47,37 +47,8 @@ def configuration_text(configuration: dict[str, object]) -> str:
     return text.getvalue()
 
 
-def _notes(report: Report[GapResult]) -> dict[str, Any] | None:
-    return {} if report.result.notes else None
-
-
-PROVENANCE: Section[Any] = Section(
-    "Repeat", "repeat", "provenance.html.j2", _context, "command, versions, configuration"
-)
-NOTES = Section(
-    "Notes",
-    "notes",
-    "notes.html.j2",
-    _notes,
-    "how the recordings were read and what could not be done",
-)
-
-
-GLOSSARY: Section[Any] = Section(
-    "Glossary", "glossary", "glossary.html.j2", about="what the words of this page mean"
-)
-
-
-LIMITS: Section[GapResult] = Section(
-    "Limits",
-    "limits",
-    "limits.html.j2",
-    lambda report: {"untestable": untestable(report.result)},
-    "what this recording cannot show, and which motion would",
-)
-
-
-def _processing(report: Report[IdentificationResult]) -> dict[str, Any]:
+def processing(report: Report[IdentificationResult]) -> dict[str, Any]:
+    """Return what the section on filters, rates and clocks shows."""
     result = report.result
     dropped: Counter[str] = Counter()
     for bag in result.bags:
@@ -102,12 +73,3 @@ def _seconds(value: float) -> str:
     if value < 1e-3:
         return with_unit(1e6 * value, "µs")
     return with_unit(1e3 * value, "ms") if value < 1.0 else with_unit(value, "s")
-
-
-PROCESSING = Section(
-    "Processing",
-    "processing",
-    "processing.html.j2",
-    _processing,
-    "filters, rates and clocks, and what was left out",
-)

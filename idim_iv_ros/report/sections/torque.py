@@ -1,11 +1,11 @@
-"""Sections on torque over time with each model's residual, and on closed-loop tracking."""
+"""Sections on torque over time and what each model leaves of it, and on closed-loop tracking."""
 
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from idim_iv_ros.diagnosis.result.document import GapResult, TrackingSeries
+from idim_iv_ros.diagnosis.result.document import GapResult, Stage, TrackingSeries
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.figures import (
     BLUE,
@@ -27,8 +27,8 @@ from idim_iv_ros.report.gap_words import (
     torque_unit,
     torque_word,
 )
-from idim_iv_ros.report.numerals import percent, with_unit
-from idim_iv_ros.report.section import Report, Section
+from idim_iv_ros.report.numerals import is_interval, is_number, percent, with_unit
+from idim_iv_ros.report.section import Report
 from idim_iv_ros.report.time_axis import Curves, curves, peaks
 from idim_iv_ros.types import FloatArray
 
@@ -46,7 +46,8 @@ class _Joint(NamedTuple):
     step: float | None
 
 
-def _context(report: Report[Any]) -> dict[str, Any] | None:
+def torque(report: Report[Any]) -> dict[str, Any] | None:
+    """Return what the section on torque over time shows; None without series."""
     result = report.result
     rows = _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
     if not rows:
@@ -86,8 +87,8 @@ def _model_curves(result: GapResult) -> list[_Joint]:
 def _figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
     unit, session = torque_unit(report.result, rows.joint), report.session
     left = "Gap" if isinstance(report.result, GapResult) else "Residual"
-    torques = [torque for _, torque, _ in rows.models]
-    residuals = [rows.measured - torque for torque in torques]
+    torques = [values for _, values, _ in rows.models]
+    residuals = [rows.measured - values for values in torques]
     thinned = curves(
         rows.time,
         [*torques, *residuals, rows.measured],
@@ -99,8 +100,8 @@ def _figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
     count = len(rows.models)
     upper, lower, measured = (thinned.values[:count], thinned.values[count:-1], thinned.values[-1])
     drawn = []
-    for (name, _, colour), torque, residual in zip(rows.models, upper, lower, strict=True):
-        drawn.append(TimeCurve(torque, colour, 2.4, f"{name} {size}"))
+    for (name, _, colour), model, residual in zip(rows.models, upper, lower, strict=True):
+        drawn.append(TimeCurve(model, colour, 2.4, f"{name} {size}"))
         drawn.append(TimeCurve(residual, colour, 1.0, f"measured − {name} {size}", below=True))
     # The measured torque is drawn last: thin, above the wider models.
     drawn.append(TimeCurve(measured, INK, 0.9, f"measured {size}"))
@@ -131,13 +132,48 @@ def _shade(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[s
     return [outline(x, y, SHADE, yaxis=y_axis)]
 
 
-TORQUE: Section[Any] = Section("Torque", "torque", "torque.html.j2", _context)
+# Part of a bar: class, and ends as shares of the widest.
+Bar = tuple[str, float, float]
+
+
+def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
+    """Return the models with their bars at one joint, and the noise floor with its bar."""
+    gap = next((gap for gap in result.where.joints if gap.joint == joint), None)
+    floor = None if gap is None else gap.noise_floor
+    sizes = [stage.torque_rms.get(joint) for stage in result.stages]
+    intervals = [stage.torque_ci95.get(joint, (None, None)) for stage in result.stages]
+    highest = (high for _, high in intervals)
+    largest = 1.04 * max(filter(is_number, (floor or 0.0, *sizes, *highest))) or 1.0
+    rows: list[tuple[Stage, list[Bar]]] = []
+    previous = 0.0
+    for stage, value, interval in zip(result.stages, sizes, intervals, strict=True):
+        bars: list[Bar] = []
+        if is_number(value):
+            colour = stage.name if stage.name in ("given", "refit") else "effect"
+            bars.append((f"full {colour}", 0.0, value / largest))
+            if previous > value:
+                bars.append((f"gone {colour}", value / largest, previous / largest))
+            if is_interval(interval):
+                bars.append(("whisker", interval[0] / largest, interval[1] / largest))
+            previous = value
+        rows.append((stage, bars))
+    bar = None if floor is None else ("full floor", 0.0, floor / largest)
+    return {"joint": joint, "gap": gap, "rows": rows, "floor": bar}
+
+
+def stages(report: Report[GapResult]) -> dict[str, Any] | None:
+    """Return what the section on the shrinking gap shows; None without stages."""
+    if not report.result.stages:
+        return None
+    result = report.result
+    return {"joints": [_waterfall(result, joint) for joint in result.joints]}
 
 
 _BUCKETS = 220
 
 
-def _tracking(report: Report[GapResult]) -> dict[str, Any] | None:
+def tracking(report: Report[GapResult]) -> dict[str, Any] | None:
+    """Return what the section on the simulated closed loop shows; None where there was none."""
     result = report.result
     firsts: dict[str, TrackingSeries] = {}
     for series in result.tracking:
@@ -184,12 +220,3 @@ def tracking_figure(result: GapResult, series: TrackingSeries) -> Figure:
         (f"Error, {unit}", f"Gap, {unit}"),
         0.46,
     )
-
-
-TRACKING = Section(
-    "Tracking",
-    "tracking",
-    "tracking.html.j2",
-    _tracking,
-    "error of the simulated closed loop beside the recorded one",
-)

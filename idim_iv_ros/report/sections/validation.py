@@ -1,6 +1,5 @@
 """Sections on validation: is the residual noise, and are the instruments valid?"""
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,13 @@ from idim_iv_ros.report.figures import (
     band,
     line,
 )
-from idim_iv_ros.report.section import Section
 from idim_iv_ros.types import FloatArray
 
 _HEIGHT = 230
 
 
-def _acf(result: IdentificationResult, residual: JointResidual) -> Figure:
+def autocorrelation(result: IdentificationResult, residual: JointResidual) -> Figure:
+    """Return a figure of the autocorrelation of a joint's residual, with its whitened part."""
     rate = result.processing.row_rate
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
     if residual.ar_order > 0:
@@ -69,20 +68,3 @@ def _stems(
         text=[words for lag_time in lag_times for words in ("", lag_time, "")],
         marker={"color": colour, "size": size.tolist(), "line": {"width": 0}},
     )
-
-
-RESIDUALS: Section[IdentificationResult] = Section(
-    "Residuals",
-    "residuals",
-    "residuals.html.j2",
-    lambda report: {"figure": partial(_acf, report.result)},
-    "whether what is left is noise: autocorrelation, normality, refined deviations",
-)
-
-
-INSTRUMENTS = Section(
-    "Tests",
-    "instruments",
-    "instruments.html.j2",
-    about="Durbin-Wu-Hausman: whether the instruments are valid and least squares biased",
-)

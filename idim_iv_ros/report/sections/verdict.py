@@ -10,6 +10,7 @@ from idim_iv_ros.effects.cause import surest
 from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report.advice import (
+    BADGES,
     FAMILIES,
     contrast_headline,
     contrast_steps,
@@ -18,7 +19,6 @@ from idim_iv_ros.report.advice import (
     difference_rows,
     identification_headline,
     identification_steps,
-    verdict_badge,
 )
 from idim_iv_ros.report.gap_words import (
     contrast_badge,
@@ -28,7 +28,7 @@ from idim_iv_ros.report.gap_words import (
     wrong_numbers,
 )
 from idim_iv_ros.report.numerals import is_number, percent
-from idim_iv_ros.report.section import R, Report, Section
+from idim_iv_ros.report.section import R, Report
 from idim_iv_ros.types import FloatArray
 
 # Half of the length that is drawn of a joint's axis: of the robot's size, and m where it has none.
@@ -106,18 +106,20 @@ def _frame(report: Report[R], **context: Any) -> dict[str, Any]:
     return {"robot": _robot(report), "missing": report.nominal.missing, **context}
 
 
-def _identification(report: Report[IdentificationResult]) -> dict[str, Any]:
+def identification(report: Report[IdentificationResult]) -> dict[str, Any]:
+    """Return what the section on the verdict of an identification shows."""
     result = report.result
     return _frame(
         report,
-        badge=verdict_badge(result.verdict.verdict),
+        badge=BADGES[result.verdict.verdict],
         headline=identification_headline(result),
         steps=identification_steps(report),
-        badge_of=verdict_badge,
+        badge_of=BADGES.get,
     )
 
 
-def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
+def diagnosis(report: Report[GapResult]) -> dict[str, Any]:
+    """Return what the section on the verdict of a diagnosis shows."""
     result = report.result
     first = result.stages[0] if result.stages else None
     nominal = first is not None and first.name == "given"
@@ -135,11 +137,8 @@ def _diagnosis(report: Report[GapResult]) -> dict[str, Any]:
     )
 
 
-VERDICT = Section("Verdict", "verdict", "verdict.html.j2", _identification)
-GAP_VERDICT = Section("Verdict", "verdict", "gap_verdict.html.j2", _diagnosis)
-
-
-def _causes(report: Report[GapResult]) -> dict[str, Any]:
+def causes(report: Report[GapResult]) -> dict[str, Any]:
+    """Return what the section on the causes shows."""
     rest, hints = report.result.unexplained, report.result.hints
     likeliest = None if rest is None else rest.likeliest(hints)
     return {
@@ -150,16 +149,13 @@ def _causes(report: Report[GapResult]) -> dict[str, Any]:
     }
 
 
-def _contrast(report: Report[GapResult]) -> dict[str, Any] | None:
-    contrast = report.result.contrast
-    if contrast is None:
+def contrast(report: Report[GapResult]) -> dict[str, Any] | None:
+    """Return what the section on the second set of recordings shows; None without one."""
+    changed = report.result.contrast
+    if changed is None:
         return None
     return {
-        "badge": contrast_badge(contrast),
-        "headline": contrast_headline(report.result, contrast),
-        "steps": contrast_steps(contrast, report.files),
+        "badge": contrast_badge(changed),
+        "headline": contrast_headline(changed),
+        "steps": contrast_steps(changed, report.files),
     }
-
-
-CAUSES = Section("Causes", "causes", "causes.html.j2", _causes)
-CONTRAST = Section("What changed", "contrast", "contrast.html.j2", _contrast)
