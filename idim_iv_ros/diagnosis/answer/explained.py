@@ -11,7 +11,7 @@ from idim_iv_ros.diagnosis.comparison.candidate import Kind
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_set, probability
-from idim_iv_ros.diagnosis.comparison.refine import together
+from idim_iv_ros.diagnosis.comparison.refine import stopped_by_physics, together
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
@@ -336,6 +336,9 @@ def _assessed_terms(selection: Selection, repeats: Sequence[Repeat]) -> list[Ass
         times = f"{chosen.times(term)} of {len(chosen.keys)}"
         beyond = float(remaining[int(np.argmax(term.visible))])
         reason, outside = _why_no_cause(term, beyond)
+        if term.is_effect and not reason:
+            reason = stopped_by_physics(selection.comparison, selection.terms, number)
+            outside = bool(reason)
         # What may be an error of the signals as well is no cause by that part of its set.
         of_signals = sum(weight for key, weight in term.rivals if key.effect not in BY_NAME)
         whole = of_set(values, term.key.effect) * (1.0 - of_signals)

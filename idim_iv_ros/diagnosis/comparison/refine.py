@@ -29,19 +29,34 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
     return together(comparison, list(map(comparison.weighed, kept, others)))
 
 
-def _refined(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
+def stopped_by_physics(comparison: Comparison, terms: Sequence[Term], number: int) -> str:
+    """Why the likeliest shape about that of a term is that of no arm; empty where it is of one.
+
+    What it stands for is something else then: a shape that stops at the edge is not the likeliest.
+    """
+    term = _refined(comparison, terms, number, possible=False)
+    model = comparison.with_terms([*terms[:number], term, *terms[number + 1 :]])
+    values = model.coefficients[model.blocks[number]]
+    return comparison.catalogue.why_impossible(term.candidate, term.shape, values, values)
+
+
+def _refined(
+    comparison: Comparison, terms: Sequence[Term], number: int, *, possible: bool = True
+) -> Term:
+    """A term with the likeliest shape; `possible`: of those that physics allows."""
     term = terms[number]
     effect, covered = term.effect, comparison.catalogue.data.covered[term.place.joint]
     highest = comparison.with_terms(terms).level
     for step in _STEPS:
         for _ in range(_MOVES):
             near = effect.neighbours(term.shape, step, covered)
-            best = _best_of(comparison, terms, number, near)
+            best = _best_of(comparison, terms, number, near, possible=possible)
             if best is None or best[0] < highest + _LEAST_GAIN:
                 break
             highest, term = best
     while True:
-        best = _best_of(comparison, terms, number, effect.longer(term.shape, covered))
+        longer = effect.longer(term.shape, covered) if possible else []
+        best = _best_of(comparison, terms, number, longer)
         if best is None or best[0] < highest + settings.LEAST_EVIDENCE_OF_TERM:
             return term
         highest, term = best
@@ -83,10 +98,12 @@ def _best_of(
     shapes: Sequence[Shape],
     *,
     anew: bool = False,
+    possible: bool = True,
 ) -> tuple[float, Term] | None:
     """The likeliest of some shapes in the place of a term, and the level of the model with it.
 
-    `anew`: whether the term has the size of another effect as yet.
+    `anew`: whether the term has the size of another effect as yet; `possible`: whether physics must
+    allow them.
     """
     term, catalogue = terms[number], comparison.catalogue
     shapes = [shape for shape in shapes if _within_grid(term, shape)]
@@ -109,8 +126,7 @@ def _best_of(
         )
         model = comparison.with_terms([*terms[:number], other, *terms[number + 1 :]])
         values = model.coefficients[model.blocks[number]]
-        # Numbers of no arm are reached, not stopped short of: they stand for something else.
-        if not term.effect.admissible(shape, values):
+        if possible and catalogue.why_impossible(term.candidate, shape, values, values):
             continue
         if best is None or model.level > best[0]:
             best = model.level, other
