@@ -102,8 +102,8 @@ def _best_of(
 ) -> tuple[float, Term] | None:
     """The likeliest of some shapes in the place of a term, and the level of the model with it.
 
-    `anew`: whether the term has the size of another effect as yet; `possible`: whether physics must
-    allow them.
+    `anew`: whether the term has the size of another effect as yet; `possible`: whether arms must
+    have such sizes, and not only signs and parts that the effect may have.
     """
     term, catalogue = terms[number], comparison.catalogue
     shapes = [shape for shape in shapes if _within_grid(term, shape)]
@@ -126,7 +126,10 @@ def _best_of(
         )
         model = comparison.with_terms([*terms[:number], other, *terms[number + 1 :]])
         values = model.coefficients[model.blocks[number]]
-        if possible and catalogue.why_impossible(term.candidate, shape, values, values):
+        excluded = not term.effect.admissible(shape, values)
+        if excluded or (
+            possible and catalogue.why_impossible(term.candidate, shape, values, values)
+        ):
             continue
         if best is None or model.level > best[0]:
             best = model.level, other
