@@ -20,9 +20,11 @@ from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.contribution import Load
+from idim_iv_ros.effects.effect import Place
+from idim_iv_ros.effects.elasticity import ShaftShape
 from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
-from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.effects.registry import BY_NAME, PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.spring import LineShape
 from tests.diagnosis.motions import arm2_session, gravity_and_coriolis
 from tests.diagnosis.worlds import NOISE, PULSES, SINGLE, Torque, pulses, world
@@ -247,3 +249,22 @@ def test_noise_that_is_larger_where_the_torque_is_large_is_no_evidence_for_what_
         regression = Regression(joints, plain.parameters)
         names = "torque_saturation", "asymmetric_friction", "position_dependent_friction"
         assert names_of(selected(data, regression, *names)) == []
+
+
+@pytest.mark.parametrize("swing", [3.4, 9.0], ids=["softer than arms", "of an arm"])
+def test_a_shaft_that_no_arm_has_is_a_hint(data: Baseline, swing: float) -> None:
+    """Its search stops at 4 Hz, the slowest of arms; the likeliest one is beyond that."""
+    inertia = data.covered[1].inertia
+    stiffness = inertia * (2.0 * np.pi * swing) ** 2
+    shape = ShaftShape(stiffness, 0.2 * np.sqrt(stiffness * inertia))
+    elasticity = BY_NAME["elasticity"]
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        return np.asarray(elasticity.columns(m, Place(1), shape)[1][:, 0])
+
+    explanation = explained(selected(data, world(data, 22, 1, torque), "elasticity"))
+    named = [effect.term.key.effect for effect in explanation.effects]
+    assert named == (["elasticity"] if swing > 4.0 else [])
+    assert [("would swing at" in hint.reason) for hint in explanation.doubtful] == (
+        [] if swing > 4.0 else [True]
+    )
