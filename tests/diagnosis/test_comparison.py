@@ -108,6 +108,31 @@ def test_a_gain_that_ripples_is_no_torque_that_ripples(data: Baseline, of_gain: 
         assert not explanation.effects and hint.too_unsure == pytest.approx(0.55, abs=0.02)
 
 
+def test_a_ripple_finer_than_the_grid_is_the_gain_s(data: Baseline) -> None:
+    """Waves of the grid's end favour a torque; refined, the same waves of the gain are likelier."""
+
+    def torque(m: SmoothMotion) -> np.ndarray:
+        return np.asarray(0.04 * m.torque[:, 0] * np.sin(274.0 * m.position[:, 0] + 0.4))
+
+    assert names_of(selected(data, world(data, 20, 0, torque))) == [("gain_ripple", 0)]
+
+
+def test_what_shapes_miss_at_one_joint_says_nothing_of_another() -> None:
+    comparison = single(0).comparison
+    (term,) = single(0).terms
+    at_first = replace(term, visible=np.array([0.2, 0.0]))
+    scores, information = np.array([[9.0]]), np.array([[1e6]])
+
+    def evidence(*shares: float, beside: bool) -> float:
+        of_joints, others = np.array([shares]), [at_first] if beside else []
+        made = comparison.beyond_misfit(scores, information, of_joints, of_joints, others)
+        return float(made[0])
+
+    assert evidence(0.0, 1.0, beside=True) == evidence(0.0, 1.0, beside=False) > 20.0
+    assert evidence(1.0, 0.0, beside=True) < 1.0
+    assert evidence(0.5, 0.5, beside=True) > 0.4 * evidence(0.5, 0.5, beside=False)
+
+
 @pytest.mark.parametrize("one_sided", [True, False], ids=["stop", "spring"])
 def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> None:
     """A bumper that is met at the end of the range, and a cable that stiffens over all of it."""

@@ -30,9 +30,10 @@ def refined(comparison: Comparison, terms: Sequence[Term]) -> tuple[Term, ...]:
 
 
 def stopped_by_physics(comparison: Comparison, terms: Sequence[Term], number: int) -> str:
-    """Why the likeliest shape about that of a term is that of no arm; empty where it is of one.
+    """Why no arm has the likeliest shape near that of a term; empty where one may have it.
 
-    What it stands for is something else then: a shape that stops at the edge is not the likeliest.
+    The search stops at the edge of what arms have. Where the likeliest shape lies beyond it, the
+    torque is that of something else.
     """
     term = _refined(comparison, terms, number, possible=False)
     model = comparison.with_terms([*terms[:number], term, *terms[number + 1 :]])
@@ -63,9 +64,10 @@ def _refined(
 
 
 def _likeliest_name(comparison: Comparison, terms: Sequence[Term], number: int) -> Term:
-    """The term, or the same shape of another effect of its place: on the grid both may be far off.
+    """The term, or another effect of its place with the same shape, whichever is likelier.
 
-    So it is with a torque and a gain of the effort that ripple over the position.
+    Ripple of the torque and of the effort's gain have the same waves. Before these are refined, the
+    nearest waves of the grid may favour either.
     """
     term, compared = terms[number], comparison.options
     options = [(comparison.with_terms(terms).level + term.log_prior, term)]
@@ -102,8 +104,8 @@ def _best_of(
 ) -> tuple[float, Term] | None:
     """The likeliest of some shapes in the place of a term, and the level of the model with it.
 
-    `anew`: whether the term has the size of another effect as yet; `possible`: whether arms must
-    have such sizes, and not only signs and parts that the effect may have.
+    `anew`: whether the term still has the units of another effect; `possible`: whether an arm must
+    be able to have the sizes; signs must be those of the effect in any case.
     """
     term, catalogue = terms[number], comparison.catalogue
     shapes = [shape for shape in shapes if _within_grid(term, shape)]
@@ -126,10 +128,9 @@ def _best_of(
         )
         model = comparison.with_terms([*terms[:number], other, *terms[number + 1 :]])
         values = model.coefficients[model.blocks[number]]
-        excluded = not term.effect.admissible(shape, values)
-        if excluded or (
-            possible and catalogue.why_impossible(term.candidate, shape, values, values)
-        ):
+        if not term.effect.admissible(shape, values):
+            continue
+        if possible and catalogue.why_impossible(term.candidate, shape, values, values):
             continue
         if best is None or model.level > best[0]:
             best = model.level, other
