@@ -69,9 +69,6 @@ Vector = list[Number]
 Matrix = list[list[Number]]
 Levels = list[NotNegative]
 PositiveValues = list[Positive]
-_GEARS = [[100.0, 0.0], [0.0, 100.0]]
-_STATE = "/joint_trajectory_controller/controller_state"
-_COUPLED = [{"joints": ["joint_5", "joint_6"]}]
 
 
 def key(meaning: str, without: str = "", example: Any = None, *, default: Any = None) -> Any:
@@ -103,8 +100,12 @@ class RobotSection(Section):
     """Geometry, joints and transmission; every list is in the order of `joints`."""
 
     name: Name | None = key("shown in reports", "the URDF's name", "my_arm")
-    urdf: YamlPath | None = key("relative to this file", "/robot_description", "my_arm.urdf")
-    mjcf: YamlPath | None = key("in place of the URDF; extra `mujoco`", "none", "my_arm.xml")
+    urdf: YamlPath | None = key(
+        "path relative to this file", "/robot_description of the bag", "my_arm.urdf"
+    )
+    mjcf: YamlPath | None = key(
+        "an MJCF instead of the URDF; needs the extra `mujoco`", "none", "my_arm.xml"
+    )
     joints: Annotated[list[Name], Field(min_length=1, max_length=100)] = key(
         "identified; every other joint is locked at zero", "required", [], default=...
     )
@@ -113,13 +114,18 @@ class RobotSection(Section):
     )
     position_offset: Vector | None = key("rad (m), added to the measured positions", "0", [0.0])
     motor_to_joint: Matrix | None = key(
-        "R, motor position = R · joint position; signals are then the motors'", "joint side", _GEARS
+        "matrix R, motor position = R · joint position; signals are then the motors'",
+        "signals are on the joint side",
+        [[100.0, 0.0], [0.0, 100.0]],
     )
     motor_to_joint_torque: Matrix | None = key(
-        "joint torque = this matrix · motor torque", "Rᵀ", _GEARS
+        "joint torque = this matrix · motor torque", "Rᵀ", [[100.0, 0.0], [0.0, 100.0]]
     )
     couplings: list[Coupling] = key(
-        "pairs of joints: the motor of the second turns with both", "none", _COUPLED, default=[]
+        "pairs of joints: the motor of the second turns with both",
+        "none",
+        [{"joints": ["joint_5", "joint_6"]}],
+        default=[],
     )
 
     @model_validator(mode="after")
@@ -138,16 +144,23 @@ class SimulatorSection(Section):
     """What the user's simulator holds besides the URDF."""
 
     armature: Levels | None = key(
-        "kg m² (kg), drive inertia on the joint side; give it to diagnose", "0", [0.1]
+        "kg m² (kg), drive inertia on the joint side in your simulator; give it to diagnose",
+        "0",
+        [0.1],
     )
-    torque_offset: Vector | None = key("N m (N), that its motors overcome", "0", [0.1])
+    torque_offset: Vector | None = key(
+        "N m (N), constant torques that the motors of your simulator overcome", "0", [0.1]
+    )
 
 
 class SimulatedRobotSection(Section):
     """The robot that `simulate` runs, where it differs from the nominal model and is not ideal."""
 
     parameters: dict[Name, Number] = key(
-        "true base parameters, for `idim-iv simulate`", "as given", {"Fv1": 2.0}, default={}
+        "true base parameters by name; only read by `idim-iv simulate`",
+        "as given",
+        {"Fv1": 2.0},
+        default={},
     )
     rate: Frequency | None = key("Hz, of the recording", "that of the control", 1000.0)
     position_noise: Levels | None = key("rad (m), standard deviation", "0", [2e-5])
@@ -172,13 +185,21 @@ class ControllerSection(Section):
     type: Literal["pd", "cascade", "unknown"] = key(
         "pd, cascade or unknown (fitted from each recording)", default="unknown"
     )
-    kp: PositiveValues | None = key("N m/rad (cascade: 1/s), on positions", "none", [100.0])
+    kp: PositiveValues | None = key(
+        "N m/rad (cascade: 1/s), on the position error", "none", [100.0]
+    )
     kd: Levels | None = key("N m s/rad, on the velocity error (pd)", "none", [10.0])
     ki: Levels | None = key("N m/(rad s), on the integral of the position error (pd)", "0", [0.0])
     kv: PositiveValues | None = key("N m s/rad, of the velocity loop (cascade)", "none", [10.0])
-    drive_gain: PositiveValues | None = key("N m per unit of that loop (cascade)", "1", [1.0])
-    velocity_reference: bool = key("false: kd acts on the speed alone", "true", default=True)
-    torque_limit: PositiveValues | None = key("N m (N), of the controller", "none", [100.0])
+    drive_gain: PositiveValues | None = key(
+        "N m per unit of the velocity loop's output (cascade)", "1", [1.0]
+    )
+    velocity_reference: bool = key(
+        "false: kd acts on the measured velocity alone", "true", default=True
+    )
+    torque_limit: PositiveValues | None = key(
+        "N m (N), where the controller clips", "none", [100.0]
+    )
     period: Period | None = key("s, of the controller", "the sampling interval", 0.001)
     delay: Delay = key("s, from the command to the torque", default=0.0)
 
@@ -206,22 +227,36 @@ class SignalsSection(Section):
     """
 
     joint_states: Topic = key(
-        "JointState, or of ros2_control; without a slash: beside the robot", default="joint_states"
+        "sensor_msgs/JointState, or what ros2_control publishes; without a leading slash: in "
+        "the namespace of the robot",
+        default="joint_states",
     )
     effort: Topic | None = key(
-        "also Float64MultiArray; none: no efforts (servo)", "joint_states", "/joint_states"
+        "also std_msgs/Float64MultiArray; none: the robot has no efforts (`idim-iv servo`)",
+        "joint_states",
+        "/joint_states",
     )
     reference: Topic | None = key(
-        "what the controller was asked for: JointState or state", "no reference", _STATE
+        "what the controller was asked for: a JointState or a controller_state",
+        "no reference",
+        "/joint_trajectory_controller/controller_state",
     )
     link_states: Topic | None = key(
-        "JointState of encoders behind the gears: stiffness, play", "none", "/link_states"
+        "sensor_msgs/JointState of encoders behind the gears: shows stiffness and play",
+        "none",
+        "/link_states",
     )
     reference_delay: Delay = key(
-        "s, from it to its effect; only where effort is none", example=0.02, default=0.0
+        "s, from the reference to its effect; only read where effort is none",
+        example=0.02,
+        default=0.0,
     )
-    effort_scale: list[NotZero] | None = key("to N m (N), e.g. constant · ratio", "1", [1.0])
-    effort_unit: Literal["N m", "A", "V"] = key("N m, A or V, after the scale", default="N m")
+    effort_scale: list[NotZero] | None = key(
+        "what arrives to N m (N), e.g. torque constant · gear ratio", "1", [1.0]
+    )
+    effort_unit: Literal["N m", "A", "V"] = key(
+        "N m, A or V: the unit after the scale", default="N m"
+    )
 
     @property
     def effort_topic(self) -> str | None:
@@ -255,14 +290,18 @@ class ProcessingSection(Section):
 
     position_cutoff: Frequency | None = key("Hz, low-pass of the positions", "from the data", 50.0)
     position_order: Annotated[int, Field(ge=1, le=10)] = key("of that filter, one pass", default=4)
-    decimation_cutoff: Frequency | None = key("Hz, of the rows", "0.4 position_cutoff", 20.0)
+    decimation_cutoff: Frequency | None = key(
+        "Hz, low-pass before decimation", "0.4 position_cutoff", 20.0
+    )
     decimation_edge: Annotated[float, Field(ge=0.5, le=1.0)] = key(
         "end of that filter, share of the new Nyquist rate", default=0.95
     )
     decimation_phase: Literal["first", "last"] = key(
         "first or last sample of each group is kept", default="first"
     )
-    minimum_speed: Levels | None = key("rad/s (m/s), of samples", "1 % of the peak", [0.02])
+    minimum_speed: Levels | None = key(
+        "rad/s (m/s), slower samples are left out", "1 % of the peak speed", [0.02]
+    )
     reversal_margin: Annotated[float, Field(ge=0.0, le=20.0)] | None = key(
         "decimated samples left out beside a slow one", "1", 1.0
     )
@@ -278,9 +317,15 @@ class IdentificationSection(Section):
         "terms of the model", "all three", default=["viscous", "coulomb", "offset"]
     )
     drive_inertia: bool = key("whether drives have an inertia of their own", "true", default=True)
-    exclude: list[Name] = key("base parameters to leave out", "none", ["off1"], default=[])
-    start: Literal["given", "regular"] = key("given or regular: unit inertias", default="given")
-    tolerance: Annotated[float, Field(ge=1e-6, lt=1.0)] = key("that ends it", default=0.01)
+    exclude: list[Name] = key(
+        "base parameters that are taken out of the model", "none", ["off1"], default=[]
+    )
+    start: Literal["given", "regular"] = key(
+        "given (URDF and armature) or regular (unit inertias)", default="given"
+    )
+    tolerance: Annotated[float, Field(ge=1e-6, lt=1.0)] = key(
+        "relative change that ends the iteration", default=0.01
+    )
     max_iterations: Annotated[int, Field(ge=1, le=100)] = key("of IDIM-IV", default=10)
     significance: Fraction = key("level of all tests", default=0.05)
 
@@ -315,12 +360,14 @@ class Configuration(Section):
         return self.model_copy(update={section: part})
 
     @model_validator(mode="after")
-    def _sections_agree(self) -> "Configuration":
+    def _lengths(self) -> "Configuration":
+        """Refuse lists that do not hold one number for each joint."""
         n = len(self.robot.joints)
         if len(set(self.robot.joints)) != n:
             raise ValueError("robot.joints names a joint twice")
-        for key, section in self:
-            for name, values in section if isinstance(section, Section) else ():
+        sections = {key: section for key, section in self if isinstance(section, Section)}
+        for key, section in sections.items():
+            for name, values in section:
                 if not isinstance(values, list) or name in _OF_ANY_LENGTH:
                     continue
                 if name.startswith("motor_to_joint"):
@@ -328,6 +375,11 @@ class Configuration(Section):
                         raise ValueError(f"{key}.{name} must be {n} by {n}")
                 elif len(values) != n:
                     raise ValueError(f"{key}.{name} has {len(values)} values for {n} joints")
+        self._couplings()
+        self._plant_step()
+        return self
+
+    def _couplings(self) -> None:
         motors: set[str] = set()
         for coupling in self.robot.couplings:
             first, second = coupling.joints
@@ -339,20 +391,26 @@ class Configuration(Section):
             if second in motors:
                 raise ValueError(f"robot.couplings couples the motor of {second} twice")
             motors.add(second)
+
+    def _plant_step(self) -> None:
         step, period = self.simulated_robot.plant_step, self.controller.period
-        if step and period and not period / _MOST_STEPS <= step <= period:
+        if step is None or period is None:
+            return
+        if not period / _MOST_STEPS <= step <= period:
             raise ValueError(
                 f"simulated_robot.plant_step is {step:g} s: between controller.period, {period:g} "
                 f"s, and a {_MOST_STEPS}th of it is needed"
             )
-        return self
 
 
 def load_configuration(path: FilePath) -> Configuration:
     """Read and check a robot's YAML file; the path of its URDF or MJCF becomes absolute.
 
-    Raises UsageError: file missing or unreadable, broken YAML, unknown key, wrong type, length or
-    value, URDF or MJCF file missing. The message names the key and the file.
+    Raises
+    ------
+    UsageError
+        File missing or unreadable, broken YAML, unknown key, wrong type, length or value,
+        URDF or MJCF file missing. The message names the key and the file.
     """
     path = Path(path)
     data = read_mapping(path)
@@ -360,16 +418,22 @@ def load_configuration(path: FilePath) -> Configuration:
         configuration = Configuration.model_validate(data)
     except ValidationError as error:
         raise UsageError(f"{path}: {first_problem(error)}") from error
-    files = {}
-    for key in ("urdf", "mjcf"):
-        if (given := getattr(configuration.robot, key)) is None:
-            continue
-        try:
-            files[key] = absolute = (path.parent / given).resolve()
-            present = absolute.is_file()
-        except (OSError, ValueError, RuntimeError) as error:  # too long, a zero byte, a loop
-            reason = getattr(error, "strerror", None) or "not a path"
-            raise UsageError(f"{path}: robot.{key}: {shortened(str(given))}: {reason}") from error
-        if not present:
-            raise UsageError(f"{path}: robot.{key}: no file {absolute}")
+    files = {
+        key: _existing(path, f"robot.{key}", value)
+        for key in ("urdf", "mjcf")
+        if (value := getattr(configuration.robot, key)) is not None
+    }
     return configuration.changed("robot", **files).model_copy(update={"source": path})
+
+
+def _existing(path: Path, key: str, urdf: Path) -> Path:
+    """Absolute path of the URDF or MJCF that a key of a configuration names."""
+    try:
+        absolute = (path.parent / urdf).resolve()
+        present = absolute.is_file()
+    except (OSError, ValueError, RuntimeError) as error:  # too long, a zero byte, a loop of links
+        reason = getattr(error, "strerror", None) or "not a path"
+        raise UsageError(f"{path}: {key}: {shortened(str(urdf))}: {reason}") from error
+    if not present:
+        raise UsageError(f"{path}: {key}: no file {absolute}")
+    return absolute

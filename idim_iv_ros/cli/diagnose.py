@@ -45,14 +45,18 @@ def diagnose_command(
     config: shared.Config,
     out: shared.OutOrJson = None,
     without: list[str] | None = Option(
-        None, metavar="EFFECT", help="Leave an effect out of the catalogue; may be repeated."
+        None,
+        metavar="EFFECT",
+        help="Leave an effect out of the catalogue, to see what is said without it; "
+        "may be repeated.",
     ),
     against: list[Path] | None = Option(
         None,
         AGAINST,
         metavar="BAG...",
-        help="Recordings of the same robot, or of a simulator of it, up to the next option: say "
-        "what changed from the others to them.",
+        help="Recordings of the same robot, or of a simulator of it, that may differ: "
+        "say what changed from the others to them. Names up to the next option "
+        "belong to it.",
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,

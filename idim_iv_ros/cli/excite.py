@@ -22,6 +22,12 @@ _fourier = partial(Option, rich_help_panel="For identification")
 _LEAST_MESSAGE_RATES = {"identification": 20.0, "diagnosis": 100.0, "servo": 100.0}
 # Between points controllers fit quintics; so many for each period of the fastest content.
 _POINTS_PER_PERIOD = 5.0
+_CONDITION_NUMBERS = {
+    "weighted": "rows over torque limit",
+    "plain": "plain, SI units",
+    "equilibrated": "weighted, columns of unit length",
+    "deviation": "mean deviation of a sample, noise of the torque limit, SI",
+}
 
 
 def excite_command(
@@ -30,25 +36,33 @@ def excite_command(
     purpose: Literal["identification", "diagnosis", "servo"] = Option(
         "identification",
         "--for",
-        help="Estimate parameters, separate the causes of a gap, or identify servos (20 s).",
+        help="Estimate parameters, separate the causes of a gap, or identify servos "
+        "without torques (20 s).",
     ),
-    floor: float | None = Option(None, help="Height that all frames stay above, m in the base."),
+    floor: float | None = Option(
+        None, help="Height all moving frames stay above, m in the base frame."
+    ),
     margin: float = Option(0.9, help="Share of each limit that may be used."),
     acceleration: str | None = Option(
         None,
         metavar="A[,A…]",
-        help="Limit in rad/s² (m/s²). Default: half of the torque limit on the mean inertia.",
+        help="Limit in rad/s² (m/s²), one or one a joint. Default: half of the torque "
+        "limit on the joint's mean inertia, and full speed in 0.1 s at most.",
     ),
-    start: str | None = Option(None, metavar="Q,Q,…", help="Posture, rad (m). Default: chosen."),
+    start: str | None = Option(
+        None, metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen."
+    ),
     rate: float = Option(1000.0, help="Samples per second of the CSV."),
     criterion: Literal["condition", "precision"] = Option(
-        "condition", help="Least condition number, or least standard deviations (faster)."
+        "condition", help="Least condition number, or least standard deviations (faster motion)."
     ),
     seed: int = Option(1, min=0, help="Of the random starts, and of the multisine's phases."),
     period: float = _fourier(10.0, help="Identification: seconds of a period."),
     repeats: int = _fourier(3, help="Periods."),
     harmonics: int = _fourier(5, help="Harmonics of 1 / period."),
-    torque_noise: float = _fourier(0.005, help="σ of the torque, share of each limit."),
+    torque_noise: float = _fourier(
+        0.005, help="σ of the torque, share of each limit, to predict σ from."
+    ),
     time_limit: float = _fourier(120.0, help="Seconds for the search."),
     duration: float = Option(180.0, help="Budget in seconds.", rich_help_panel="For diagnosis"),
     force: shared.Force = False,
@@ -123,10 +137,14 @@ def _print_excitation(
 
     design = excitation.design
     console.print(
-        f"{model.robot.name}: condition number of the base regressor, rows over torque limit: "
-        f"{design.after.weighted:.4g}, of random motions {design.before.weighted:.4g} (median); "
-        f"{len(model.base.names)} parameters with friction"
+        f"{model.robot.name}: condition number of the base regressor, {len(model.base.names)} "
+        "parameters with friction"
     )
+    rows = [
+        (words, *(f"{getattr(numbers, name):.4g}" for numbers in (design.before, design.after)))
+        for name, words in _CONDITION_NUMBERS.items()
+    ]
+    print_table(console, "", ("", ">random (median)", ">designed"), rows)
     _print_limits(console, model, limits, design.use)
     poorly = [parameter.name for parameter in excitation.parameters if parameter.bad]
     console.print(

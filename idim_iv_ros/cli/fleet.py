@@ -53,18 +53,27 @@ def fleet_command(
         str,
         Argument(
             help="A manifest (.csv or .parquet with the columns uri, robot, and also type and "
-            "time), or a folder or URL (s3://, gs://, …) with ROBOT/BAG or TYPE/ROBOT/BAG."
+            "time), or a folder or URL (s3://, gs://, …) that is searched: ROBOT/BAG or "
+            "TYPE/ROBOT/BAG."
         ),
     ],
     config: Annotated[
         Path,
-        Option(metavar="FILE.yaml|FOLDER", help="One for all, or with ROBOT.yaml or TYPE.yaml."),
+        Option(
+            metavar="FILE.yaml|FOLDER",
+            help="One configuration for all robots, or a folder with ROBOT.yaml or TYPE.yaml.",
+        ),
     ],
     out: shared.Out,
     scheduler: str | None = Option(
-        None, metavar="ADDRESS", help="Of a running Dask scheduler, as in tcp://host:8786."
+        None,
+        metavar="ADDRESS",
+        help="Of a running Dask scheduler, as in tcp://host:8786; left out, workers "
+        "are started on this machine.",
     ),
-    workers: int | None = Option(None, help="How many on this machine; left out: one a core."),
+    workers: int | None = Option(
+        None, help="How many on this machine; left out, one for each core."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
 ) -> None:

@@ -196,10 +196,15 @@ def servo_command(
     bags: shared.Bags,
     config: shared.Config,
     gains: str | None = Option(
-        None, metavar="G1,G2,…", help="The gain setting of each recording, where it differs."
+        None,
+        metavar="G1,G2,…",
+        help="The servos' gain setting in each recording, in any unit, where it differs.",
     ),
     model_error: float = Option(
-        0.05, min=0.0, max=1.0, help="How wrong the nominal torques may be, standard deviation."
+        0.05,
+        min=0.0,
+        max=1.0,
+        help="How wrong the nominal model's torques may be, as a standard deviation.",
     ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,
@@ -265,7 +270,9 @@ def compare_command(
     second: Annotated[Path, Argument(help="Another one of the same robot.")],
     out: Path | None = Option(None, "--out", help=f"Folder for {_FILE}, both side by side."),
     config: Path | None = Option(
-        None, help=f"The robot's YAML file; left out, the second's is written beside {_FILE}."
+        None,
+        help="The robot's YAML file, for the next command; left out, that of the second "
+        f"result is written beside {_FILE}.",
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,

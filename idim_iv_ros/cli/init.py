@@ -16,11 +16,17 @@ from idim_iv_ros.files import IMPORT_FORMAT, INIT_FORMAT, require_file_place, wr
 
 def init_command(
     bags: shared.Bags,
-    urdf: Path | None = Option(None, help="The URDF; left out: /robot_description of the bag."),
-    driver: str | None = Option(
-        None, help="Topics and units: ur, franka, kinova, kuka_fri, ros2_control, or a YAML file."
+    urdf: Path | None = Option(
+        None, help="The robot's URDF; may be left out where the bag has /robot_description."
     ),
-    out: Path | None = Option(None, help="The file to write; my_arm.yaml, of a table map.yaml."),
+    driver: str | None = Option(
+        None,
+        help="Topics and units of a driver: ur, franka, kinova, kuka_fri, "
+        "ros2_control, or a YAML file with the same keys.",
+    ),
+    out: Path | None = Option(
+        None, help="The configuration to write; my_arm.yaml, of a table map.yaml."
+    ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
     as_json: shared.AsJson = False,
@@ -93,7 +99,10 @@ def _propose_map(output: Output, table: Path, out: Path, *, force: bool) -> None
 def import_command(
     out: Annotated[Path, Argument(metavar="OUT.mcap", help="The bag to write.")],
     columns: Annotated[
-        Path, Option(metavar="MAP.yaml", help="Its columns; `idim-iv init TABLE` proposes it.")
+        Path,
+        Option(
+            metavar="MAP.yaml", help="A table and its columns; `idim-iv init TABLE` proposes it."
+        ),
     ],
     urdf: Path | None = Option(None, help="URDF to put on /robot_description."),
     force: shared.Force = False,

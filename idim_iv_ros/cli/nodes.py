@@ -17,7 +17,9 @@ from idim_iv_ros.errors import UsageError
 _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 # What follows --ros-args is the node's.
 ROS_ARGUMENTS = {"allow_extra_args": True, "ignore_unknown_options": True}
-Namespace = Annotated[str, Option(help="ROS namespace of the node and of relative topics.")]
+Namespace = Annotated[
+    str, Option(help="ROS namespace of the node, and of the relative topics of the configuration.")
+]
 Result = Annotated[Path | None, Option(help="A result.json; left out: the newest of --results.")]
 Results = Annotated[Path, Option(help="Folder in which `idim-iv serve` writes its results.")]
 
@@ -78,7 +80,11 @@ def watch_command(
     result: Result = None,
     results: Results = Path("results"),
     web: int | None = Option(
-        None, metavar="PORT", min=0, max=65535, help="Show a page, no table; 0: any free port."
+        None,
+        metavar="PORT",
+        min=0,
+        max=65535,
+        help="Show a page on this port of this machine, and no table; 0: any free port.",
     ),
     namespace: Namespace = "",
 ) -> None:

@@ -23,17 +23,19 @@ def simulate_command(
     trajectory: Path | None = Option(
         None,
         metavar="TRAJ.csv",
-        help="References, as `idim-iv excite` writes them; left out: a random motion within the "
-        "limits of the URDF.",
+        help="References, as `idim-iv excite` writes them; without it a random "
+        "exciting motion of --duration seconds within the limits of the URDF.",
     ),
     duration: float = Option(10.0, min=1.0, help="Seconds of the random motion."),
     motion_seed: int = Option(1, min=0, help="Of the random motion."),
-    seed: list[int] | None = Option(None, min=0, help="Of the noise; several: BAG-SEED.mcap."),
+    seed: list[int] | None = Option(
+        None, min=0, help="Of the noise; several write several bags, BAG-SEED.mcap."
+    ),
     effects: Path | None = Option(
         None,
         metavar="gap.json",
-        help="A diagnosis, whose parameters and effects the robot has; or effects written by hand "
-        "(docs/simulation.md).",
+        help="A diagnosis: the robot has its extended parameters and its accepted "
+        "effects. Or a file of effects written by hand (docs/simulation.md).",
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -95,21 +97,34 @@ def simulate_command(
 
 def export_command(
     result: Annotated[
-        Path, Argument(metavar="RESULT.json|GAP.json", help="Of `identify` or `diagnose`.")
+        Path,
+        Argument(
+            metavar="RESULT.json|GAP.json",
+            help="What `idim-iv identify` or `idim-iv diagnose` wrote.",
+        ),
     ],
     config: shared.Config,
     out: shared.Out,
     refit: bool = Option(
-        False, "--refit", help="Of a diagnosis all parameters of its refit, not the causes alone."
+        False,
+        "--refit",
+        help="Of a diagnosis all parameters of its refit, not the named causes alone.",
     ),
     without: list[str] | None = Option(
-        None, metavar="CAUSE[@JOINT]", help="Leave out a named cause; may be given again."
+        None,
+        metavar="CAUSE[@JOINT]",
+        help="Leave out a named cause, for example payload; may be given again.",
     ),
     remainder: bool = Option(
-        False, "--remainder", help="Spread what no cause explains over links and joints."
+        False,
+        "--remainder",
+        help="Spread what no cause explains over links and joints, as far as the "
+        "recording asks for it.",
     ),
     randomize: bool = Option(
-        False, "--randomize", help="The same, and ranges: sample(model, rng) for MuJoCo."
+        False,
+        "--randomize",
+        help="The same, and ranges for domain randomisation: sample(model, rng) for MuJoCo.",
     ),
     force: shared.Force = False,
     quiet: shared.Quiet = False,
@@ -156,12 +171,15 @@ def replay_command(
     bags: shared.Bags,
     config: shared.Config,
     model: str = Option(
-        "urdf", metavar="urdf|ROBOT.xml", help="An MJCF; urdf: it is made from the nominal model."
+        "urdf",
+        metavar="urdf|ROBOT.xml",
+        help="urdf: a MuJoCo model is made from the nominal model; or an MJCF file.",
     ),
     effects: Path | None = Option(
         None,
         metavar="effects.json|gap.json",
-        help="A file of effects; or a diagnosis, whose parameters count where --model is urdf.",
+        help="What the robot has beyond the model: a file of effects, or a diagnosis, "
+        "whose parameters are taken too where --model is urdf.",
     ),
     out: shared.OutOrJson = None,
     force: shared.Force = False,

@@ -137,7 +137,9 @@ class SimulatedLoop:
             return None
         drawn_ones = [prediction for prediction in moved if prediction is not None]
         return tuple(
-            np.array([prediction[k] - joint for prediction in drawn_ones]).reshape(-1, len(joint)).T
+            np.array([prediction[k] - joint for prediction in drawn_ones])
+            .reshape(len(drawn_ones), len(joint))
+            .T
             for k, joint in enumerate(nominal)
         )
 

@@ -9,6 +9,7 @@ import itertools
 import logging
 import os
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -124,21 +125,17 @@ class FleetRun:
         Raises UsageError: an answer cannot be written, or as `run_tasks`.
         """
         paths = [Path(self.out) / folder / f"{key}.json" for key, _ in tasks]
-        answers: list[D | str] = []
-        for path in paths:
-            try:
-                answers.append(kind.read(path))
-            except UsageError:  # there is none, or this version cannot read it
-                answers.append("")
+        answers: list[D | str] = [_earlier_answer(kind, path) or "" for path in paths]
         waiting = [place for place, answer in enumerate(answers) if not answer]
-        count = 0
+        count, begin = 0, time.monotonic()
 
         def count_words() -> str:
             return f"{count:,} of {len(waiting):,} {stage[1]}"
 
         def report() -> None:
             if progress is not None and waiting:
-                progress(f"{stage[0]} {count_words()}", count / len(waiting))
+                words = _progress_words(stage, count, len(waiting), time.monotonic() - begin)
+                progress(words, count / len(waiting))
 
         def done(number: int, answer: D | str | None, why: str) -> None:
             nonlocal count
@@ -156,6 +153,24 @@ class FleetRun:
         with said_if_interrupted(lambda: f"{count_words()} {kept}"):
             self.tasks(function, [tasks[place][1] for place in waiting], done)
         return answers
+
+
+def _earlier_answer(kind: type[D], path: Path) -> D | None:
+    """Return the answer of an earlier run; None where this version can read none."""
+    try:
+        return kind.from_json(path.read_text(encoding="utf-8"), str(path))
+    except (FileNotFoundError, UsageError, ValueError):
+        return None
+
+
+def _progress_words(stage: tuple[str, str], done: int, total: int, seconds: float) -> str:
+    """Return a sentence: how many are done, how fast, and how long the rest takes."""
+    words = f"{stage[0]} {done:,} of {total:,} {stage[1]}"
+    if not done or seconds <= 0.0:
+        return words
+    left = seconds / done * (total - done)
+    unit, size = ("s", 1.0) if left < 100.0 else ("min", 60.0) if left < 6000.0 else ("h", 3600.0)
+    return f"{words}, {60.0 * done / seconds:.3g} a minute, {left / size:.0f} {unit} left"
 
 
 @contextmanager

@@ -26,7 +26,11 @@ _COLUMNS = (
 
 @dataclass(frozen=True)
 class JointNoise:
-    """RMS of a joint's residual, and `floor`, the noise of its torque in that band, N m (N)."""
+    """Residual of one joint, N m (N for a prismatic joint).
+
+    `rms`: RMS of the bag's residual; `floor`: noise of the measured torque in the band of the rows,
+    which no model explains.
+    """
 
     joint: str
     rms: Number
@@ -35,7 +39,10 @@ class JointNoise:
 
 @dataclass(frozen=True)
 class CauseSummary:
-    """One cause of a diagnosis; `shrinkage`: share of the gap above noise that it removes."""
+    """One cause in the summary of a diagnosis.
+
+    `shrinkage`: share of the torque gap above the noise floor that the cause removes.
+    """
 
     effect: str
     kind: Kind
@@ -57,28 +64,35 @@ class GapSummary:
 class BagResult(Document):
     """Result of one bag: its robot, whether it can be used, and its base parameters.
 
-    Where `status` is not ``ok``, `reason` says why; from `duration` on all is empty or null.
+    Where `status` is not ``ok``, `reason` says why, and everything from `duration` on is empty or
+    null as far as it is unknown.
 
     - `uri`: path or URL, as in the source of the fleet
     - `content`: digest of the content of the bag; equal contents are the same recording
-    - `key`: digest of content, configuration, robot description and code: the name of the result
+    - `key`: digest of content, configuration with its robot description, and version of the code:
+      the name under which the result is kept
     - `robot`, `type`: which robot, and of which model
-    - `time`: start, ISO 8601, UTC; null where neither source nor stamps say it
-    - `status`: ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: no estimate
+    - `time`: start of the recording, ISO 8601, UTC: ``2026-03-01T12:00:00Z``; null where neither
+      source nor stamps say it
+    - `status`: ``ok``; ``missing``: no such file; ``corrupt``: cannot be read; ``unusable``: can be
+      read and supports no estimate
     - `duration`: s; `samples`: number of rows that count, by joint
     - `names`, `expressions`, `units`: (p,), of the base parameters
-    - `kinematics`: digest of the geometry: base parameters are comparable where it is equal
+    - `kinematics`: digest of the geometry: base parameters of bags are comparable where it is equal
     - `r_factor`: (p + 1, p + 1), upper triangular R of the whitened [X y]: RᵀR has XᵀWX, XᵀWy and
       yᵀWy, where W is the inverse of the covariance of the residual as an autoregressive process,
-      joint by joint; `rows`: number of whitened rows behind it
-    - `estimator`: ``idim-ls`` where the instruments were not accepted, `why_least_squares` says why
+      joint by joint. Divided by its deviation, so that the whitened residual has variance one
+    - `rows`: number of whitened rows behind `r_factor`
+    - `estimator`: ``idim-iv`` where the instruments were accepted, else ``idim-ls``, and
+      `why_least_squares` says why
     - `values`, `std`: (p,), estimate of this bag alone and its deviations, which know the
-      autocorrelation of the residual. Of segments IDIM-IV is the average weighted by covariance,
-      and IDIM-LS that of the whitened rows of all
+      autocorrelation of the residual; in `units`. Of a bag in segments IDIM-IV is the average
+      weighted by covariance, and IDIM-LS that of the whitened rows of all
     - `given`: (p,), values of the nominal model; null where there are none
     - `condition_number`: that of the stacked regressor matrix
-    - `verdict`, `sentence`: on the identification
+    - `verdict`, `sentence`: verdict on the identification in a word and in a sentence
     - `checks`: findings on the recording: losses, frozen channels, segments
+    - `diagnosis`: where the bag was diagnosed
     """
 
     what: ClassVar[str] = "the result of a bag"
@@ -151,7 +165,8 @@ class TypeQuantity:
     `between_bags` are relative, 0.1 for a tenth.
 
     - `robots`: number of robots behind the numbers; `left_out`: robots that differ in the quantity
-    - `mean` and `sigma` (standard deviation from robot to robot): with their 95 % intervals
+    - `mean`, `mean_low`, `mean_high`: mean with its 95 % interval
+    - `sigma`, `sigma_low`, `sigma_high`: standard deviation from robot to robot, 95 % interval
     - `next_low`, `next_high`: 95 % prediction interval of the next robot's true value
     - `between_bags`: standard deviation from bag to bag of a robot, beyond the noise of a bag; null
       where no robot has two bags, and then it is part of `sigma`
@@ -180,6 +195,7 @@ class TypeQuantity:
 class CommonCause:
     """A cause in the diagnoses of one or several robots, with equal sign and size.
 
+    - `robots`: robots that have it; those that have the effect with another size are another cause
     - `of_type`: whether nearly all diagnosed robots that are ordinary for their type have it
     - `parameters`: mean over these robots of each number that half of them determine or more; the
       standard deviation is that of the mean, including the scatter of the robots
@@ -197,8 +213,9 @@ class CommonCause:
 class FleetType:
     """Results on the robots of one type.
 
-    Numbers of robots and bags are of those that were used. `causes`, `sentences`: what diagnoses
-    have in common; `notes`: what could not be judged, and why.
+    - `robots`, `bags`: number of robots with usable bags, and of the bags that were used
+    - `diagnosed`: robots with a diagnosis; `causes`, `sentences`: common findings
+    - `notes`: sentences on what could not be judged, and why
     """
 
     type: str
@@ -215,7 +232,8 @@ class FleetType:
 class RobotQuantity:
     """One quantity of one robot.
 
-    - `value`: estimate from all bags, with a 95 % interval that includes their scatter
+    - `value`, `low`, `high`: estimate from all bags, with a 95 % interval that includes their
+      scatter
     - `distance`: distance from the other robots of the type, in its standard deviations; where the
       quantity changed over time, of its value before. Null with too few robots
     - `p_value`: p-value of the null hypothesis that the robot is one of its type
@@ -243,8 +261,9 @@ class ParameterChange:
     - `begin`: time of the first bag that is changed, ISO 8601; `begin_low`, `begin_high`: it lies
       between these bags, 95 %
     - `before`, `after`: level before the change, and at the last bag
-    - `size`: of the change at the last bag, 95 % interval; for residuals a factor
-    - `stds`: of the values; they include what bags of an unchanged robot differ by
+    - `size`, `size_low`, `size_high`: size of the change at the last bag; for residuals a factor
+    - `times`, `values`, `stds`, `fitted`: of each bag; the standard deviations include what bags of
+      an unchanged robot differ by
     """
 
     name: str
@@ -271,10 +290,12 @@ class FleetRobot:
 
     - `attention`: strongest reason to look at it: ``differs`` from its type, ``changed`` over time,
       ``unsteady`` from bag to bag, ``recordings`` that cannot be used; or ``none``
+    - `reasons`: all reasons in sentences
     - `bags`, `not_used`: number of bags that were used, and of the others
     - `first`, `last`: times of the first and last bag that were used, null where unknown
-    - `p_value`, `change_p_value`: of the null hypotheses that the robot is one of its type, and
-      that nothing changed over time
+    - `p_value`, `change_p_value`: p-values of the null hypotheses that the robot is one of its
+      type, and that nothing changed over time
+    - `quantities`: in the order of its type's
     - `diagnosis`: that of its last diagnosed bag
     """
 
@@ -300,7 +321,10 @@ class FleetRobot:
 
 @dataclass(frozen=True)
 class Screened:
-    """A robot to diagnose; a ``typical`` one represents its type. `bags`: URIs, newest first."""
+    """A robot to diagnose.
+
+    `why`: ``typical`` ones represent their type; `bags`: URIs to diagnose, newest first.
+    """
 
     robot: str
     type: str
@@ -313,9 +337,11 @@ class Screened:
 class FleetResult(Document):
     """Comparison of all robots of a fleet: the document fleet.json.
 
-    `false_discoveries`: largest expected share of false ones among the robots that differ, and
-    among those that changed. `level`: of all intervals. `robots` are sorted by attention; `screen`
-    says which of them to diagnose.
+    - `false_discoveries`: largest expected share of false ones among the robots that differ, and
+      among those that changed
+    - `level`: level of all intervals
+    - `robots`: sorted by attention; `bags`: in the order in which they were given
+    - `screen`: which robots to diagnose
     """
 
     what: ClassVar[str] = "the result of a fleet"

@@ -135,12 +135,11 @@ def recording_of(messages: BagMessages) -> Recording:
     """Return the recording made of the messages of all sources, on one grid.
 
     Raises DataError: a topic, a joint or a field is missing, or the messages make no recording;
-    with the losses of the bag, which are a likely reason.
+    with what was lost or left out, which is a likely reason.
     """
     bag, request = messages.bag, messages.request
-    losses = loss_notes(bag, request.topics)
     sources: dict[str, JointMessages] = {}
-    notes = list(losses)
+    notes = loss_notes(bag, request.topics)
     try:
         for source in request.fields:
             if source not in messages.readers:
@@ -151,7 +150,7 @@ def recording_of(messages: BagMessages) -> Recording:
         parts = list(parts_of(sources, str(bag.path)))
         made = _assemble(bag.path, request, parts, messages.description, notes)
     except DataError as error:
-        words = "".join(f" ({note.sentence})" for note in losses)
+        words = "".join(f" ({note.sentence})" for note in notes)
         raise DataError(f"{error}{words}") from error
     return replace(made, other_positions=sources[request.joint_states].ranges)
 

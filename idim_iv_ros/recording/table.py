@@ -21,7 +21,7 @@ from idim_iv_ros.recording.table_file import (
     ARRAYS,
     TEXT,
     TextTable,
-    array_names,
+    array_shapes,
     one_line_errors,
     read_array,
 )
@@ -192,10 +192,9 @@ def column_names(table: Path) -> list[str]:
         if table.suffix.lower() in TEXT:
             return TextTable(table).names
         names: list[str] = []
-        for name in array_names(table):
-            columns = 1
-            with suppress(UsageError), one_line_errors(table):
-                columns = read_array(table, name).shape[1]
+        for name, shape in array_shapes(table).items():
+            wide = [length for length in shape if length > 1]
+            columns = min(wide) if len(wide) > 1 else 1
             names += [f"{name}[{k}]" for k in range(columns)] if columns > 1 else [name]
         return names
 

@@ -48,24 +48,34 @@ def one_line_errors(path: Path) -> Iterator[None]:
         raise UsageError(f"{path}: not a table that can be read: {reason[:200]}") from error
 
 
-def array_names(path: Path) -> list[str]:
-    """Return the names of the variables in a file."""
+def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the variables in a file, by name."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
-        return [NPY]
+        return {NPY: np.load(path, mmap_mode="r", allow_pickle=False).shape}
     if suffix == ".parquet":
-        return list(needs_tables(path, "pyarrow.parquet").read_schema(path).names)
+        file = needs_tables(path, "pyarrow.parquet").ParquetFile(path)
+        rows = next(file.iter_batches(1)).to_pylist() if file.metadata.num_rows else [{}]
+        first = {name: rows[0].get(name) for name in file.schema_arrow.names}
+        return {
+            name: (file.metadata.num_rows, len(value) if isinstance(value, list) else 1)
+            for name, value in first.items()
+        }
     if suffix == ".npz":
-        with np.load(path, allow_pickle=False) as variables:
-            return list(variables)
+        return _npz_shapes(path)
     if suffix == ".mat":
         from scipy.io import whosmat  # here, because a recorder starts faster without it
 
-        return [name for name, _, _ in whosmat(path)]
-    names: list[str] = []
+        return {name: shape for name, shape, _ in whosmat(path)}
+    shapes: dict[str, tuple[int, ...]] = {}
+
+    def add(name: str, item: Any) -> None:
+        if hasattr(item, "shape"):
+            shapes[name] = item.shape
+
     with needs_tables(path, "h5py").File(path) as file:
-        file.visit(names.append)
-        return [name for name in names if hasattr(file[name], "shape")]
+        file.visititems(add)
+    return shapes
 
 
 def read_array(path: Path, name: str) -> FloatArray:
@@ -73,7 +83,7 @@ def read_array(path: Path, name: str) -> FloatArray:
 
     Raises UsageError: no such variable, or it holds something else than real numbers.
     """
-    if name not in (names := array_names(path)):
+    if name not in (names := array_shapes(path)):
         listed = ", ".join(sorted(names)) or "none"
         raise UsageError(f"{path}: no variable {name}; there are {listed}")
     array = np.asarray(_array(path, name))
@@ -223,6 +233,20 @@ class TextTable:
             f"{' and no time of ISO 8601' if dates else ''}; a map of the columns may set decimal, "
             "delimiter, comment or time.unit"
         )
+
+
+def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of variables from their headers, without unpacking them."""
+    shapes = {}
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            with archive.open(name) as stream:
+                if np.lib.format.read_magic(stream) == (1, 0):
+                    shape, _, _ = np.lib.format.read_array_header_1_0(stream)
+                else:
+                    shape, _, _ = np.lib.format.read_array_header_2_0(stream)
+            shapes[name.removesuffix(".npy")] = shape
+    return shapes
 
 
 def _require_size(path: Path, size: int) -> None:

@@ -130,8 +130,8 @@ class Report(Generic[R]):
 class Section(Generic[R]):
     """One section of a page, with what its template gets besides `title`, `result` and `files`.
 
-    The template is that of the name of the anchor, else `template`. It, or a context of None, may
-    leave the section out.
+    The template is `template`, else that with the name of the anchor. It may print nothing, and a
+    context may be None: then the section is left out.
     """
 
     title: str

@@ -15,7 +15,7 @@ from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import IdimError, UsageError, one_line
 from idim_iv_ros.nodes.entry import run_node, steady_timer
 from idim_iv_ros.nodes.identifier.estimate_history import FolderLock
-from idim_iv_ros.nodes.identifier.job_queue import Job, JobListener, JobQueue, requested_job
+from idim_iv_ros.nodes.identifier.job_queue import Job, JobListener, JobQueue, Task, requested_job
 from idim_iv_ros.nodes.identifier.publishers import GapPublisher, ResultPublisher
 from idim_iv_ros.nodes.identifier.request_server import RequestServer, send_last_answers
 from idim_iv_ros.nodes.identifier.worker import StartWorker, Worker, warm
@@ -59,8 +59,8 @@ class ManagedNode(LifecycleNode):
         """Configure and activate the node; an IdimError says why that is impossible."""
         self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
-            trigger()  # type: ignore[no-untyped-call]
-            if self._failure is not None:
+            if trigger() != TransitionCallbackReturn.SUCCESS:  # type: ignore[no-untyped-call]
+                assert self._failure is not None
                 raise self._failure
         self._starting = False
 
@@ -97,6 +97,10 @@ class Identifier(NodeProgram[IdentifierSettings]):
         self._jobs = JobQueue(
             lambda: self._settings, self._guard.trigger, self._job_ended, start_worker=start_worker
         )
+        kinds: tuple[tuple[Task, Any, Any, ResultPublisher | GapPublisher], ...] = (
+            ("identification", srv.Identify, action.Identify, self._publisher),
+            ("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
+        )
         self._servers = [
             RequestServer(
                 node,
@@ -107,10 +111,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
                 self._jobs.cancel,
                 partial(getattr, publisher, "last"),
             )
-            for task, service, goals, publisher in (
-                ("identification", srv.Identify, action.Identify, self._publisher),
-                ("diagnosis", srv.Diagnose, action.Diagnose, self._gaps),
-            )
+            for task, service, goals, publisher in kinds
         ]
         self._diagnostics = Diagnostics(node)
         node.create_subscription(BagClosed, "recorder/bag_closed", self._bag_closed, 10)
@@ -187,7 +188,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
         request = srv.Identify.Request(bags=[message.bag])
         self._submit("identification", request, JobListener(ended))
 
-    def _submit(self, task: Any, request: Any, listener: JobListener) -> Job | None:
+    def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
         """Queue a job and return it; None if it was refused, and the listener has the reason."""
         try:
             if self._managed.state != ACTIVE:

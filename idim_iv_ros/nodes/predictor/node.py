@@ -67,6 +67,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         self._joints = self._configuration.robot.joints
         self._links: list[str] = []  # child links of the joints
         self._robot: tuple[str, InverseModel, str] | None = None  # URDF, its model and its name
+        self._no_robot = _NO_URDF  # or why it cannot be read
         self._announced: tuple[Path, int] | None = None  # newest result, and when it ended, ns
         self._read: tuple[Path, int, str] | None = None  # file, its time, and URDF
         self._live: LivePrediction | None = None
@@ -136,8 +137,11 @@ class Predictor(NodeProgram[PredictorSettings]):
 
     def _hear_description(self, message: String) -> None:
         if self._robot is None or self._robot[0] != message.data:
-            self._use_model(None, "", None)
-            self._describe(message.data, "robot_description")
+            self._robot = None  # a result may be of another one
+            try:
+                self._describe(message.data, "robot_description")
+            except IdimError as error:
+                self._no_robot = str(error)
         self._look()
 
     def _look(self) -> None:
@@ -154,7 +158,7 @@ class Predictor(NodeProgram[PredictorSettings]):
         pinned = self._settings.result
         wanted = (Path(pinned), 0) if pinned else self._announced
         if self._robot is None or wanted is None:
-            self._use_model(None, _WAITING if self._robot else _NO_URDF, None)
+            self._use_model(None, _WAITING if self._robot else self._no_robot, None)
             return
         (path, stamp), (text, model, source) = wanted, self._robot
         try:

@@ -142,13 +142,17 @@ class JointView:
         cls, name: str, values: Mapping[str, str], warns: bool, sentence: str
     ) -> "JointView":
         """Return the state of a joint from its diagnostics, without a prediction."""
-        share, limit = (
-            math.nan if (text := values.get(key, "unknown")) == "unknown" else float(text)
-            for key in (SHARE, LIMIT)
-        )
+        share, limit = (_parsed(values.get(key, "")) for key in (SHARE, LIMIT))
         level = BEYOND if warns else GOOD if math.isfinite(limit) else UNKNOWN
         unit = values.get("unit", "")
         return cls(name, unit, level_share=share, limit=limit, level=level, sentence=sentence)
+
+
+def _parsed(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:  # "unknown", or nothing
+        return math.nan
 
 
 @dataclass(frozen=True)

@@ -45,9 +45,11 @@ class GrowingMcap:
 
     Every commit writes the new messages as compressed chunks, and behind them the summary and
     footer that a reader needs, which the next commit overwrites. A killed process leaves a file
-    that any MCAP reader opens, without the messages after the last commit; a commit that fails
-    keeps its messages for the next one. `path`: must not exist. `counts`: number of messages added
-    to each topic. `summary`: content on disk.
+    that any MCAP reader opens, without the messages after the last commit. A commit that fails
+    leaves the file as it was, and keeps its messages for the next one.
+
+    `path`: must not exist. `storage`: compression and size of the chunks. `counts`: number of
+    messages added to each topic. `summary`: content on disk.
 
     Raises OSError: the file cannot be made.
     """
@@ -187,7 +189,8 @@ class GrowingBag:
 
     `folder`: made here; must not exist. `clock`: returns log time, ns, to stamp repeated messages
     with; zero while it is unknown (they wait for it). `latched`: last messages of latched topics
-    from before. `storage`: of the chunks. `max_size`, `max_duration`: bytes of a file, and s for
+    from before. `topics`: that are recorded from the start. `storage`: compression and size of
+    the chunks. `max_size`, `max_duration`: bytes of a file, and s for
     which it was written, after which a commit begins a new one; zero means never.
 
     Raises OSError: the folder or its first file cannot be made.

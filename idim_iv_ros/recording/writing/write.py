@@ -131,6 +131,7 @@ class ShortChunkWriter(Writer):
 
     `stream`: has `write`, `tell` and `flush`. `library`: name of the program, in the header.
     `summary_offsets`: whether to write them; they pile up if `finish` is called repeatedly.
+    `storage`: compression and size of the chunks.
     """
 
     def __init__(
