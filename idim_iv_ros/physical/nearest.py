@@ -46,10 +46,11 @@ Projection = Callable[[FloatArray], FloatArray]
 
 
 class Judge:
-    """Errors of the torque on all rows, and on quarters that were left out of the fit of b numbers.
+    """Errors of the torque on all rows, and on quarters that were left out of the fit.
 
-    Quarters are reduced once: R factors of three make the fit, that of the fourth judges it. The
-    weights are the standard deviations `sigma` (n_joints,) of the joints' residuals.
+    Quarters are reduced once: R factors of three make the fit, that of the fourth judges it. `rows`:
+    of all joints; those with instruments make held-out estimates by them. `parameters`: number of
+    base parameters, b. `sigma`: (n_joints,) standard deviations of the residuals, the weights.
     """
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):

@@ -65,7 +65,7 @@ class Run(Motion):
         return len(self.load.torque) // len(self.command)
 
     def of_joint(self, joint: int) -> "Run":
-        """Return the run of one joint, the others moving as they do."""
+        """Return the run of one joint of a run of all joints, the others moving as they do."""
         assert self.acceleration is not None
         accelerations, column = self.acceleration.copy(), slice(joint, joint + 1)
         accelerations[:, joint] = 0.0

@@ -103,7 +103,7 @@ _ELEMENTS = {"Fv": "damping", "Fc": "friction", "Ia": "armature", "off": "consta
 class Exported:
     """Paths of the files written by an export, and notes for the user."""
 
-    urdf: Path | None  # None where the nominal model is an MJCF, as `isaac_lab`
+    urdf: Path | None  # None where the nominal model is an MJCF; so is `isaac_lab`
     mjcf: Path
     effects: Path
     isaac_lab: Path | None
