@@ -48,9 +48,10 @@ Projection = Callable[[FloatArray], FloatArray]
 class Judge:
     """Errors of the torque on all rows, and on quarters that were left out of the fit.
 
-    Quarters are reduced once: R factors of three make the fit, that of the fourth judges it. `rows`:
-    of all joints; those with instruments make held-out estimates by them. `parameters`: number of
-    base parameters, b. `sigma`: (n_joints,) standard deviations of the residuals, the weights.
+    Quarters are reduced once: R factors of three make the fit, that of the fourth judges it.
+
+    `rows`: of all joints; those with instruments make held-out estimates by them. `parameters`:
+    number of base parameters, b. `sigma`: (n_joints,) standard deviations of the residuals.
     """
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):
