@@ -16,7 +16,6 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, Te
 from idim_iv_ros.diagnosis.comparison.named_columns import NamedColumns, ledger_of_rows, supported
 from idim_iv_ros.diagnosis.comparison.refine import together
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.command_rows import (
     TIMES,
@@ -31,6 +30,7 @@ from idim_iv_ros.diagnosis.refit.refit import delay_of_all, is_beyond_control
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
 from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
+from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw
 from idim_iv_ros.types import FloatArray

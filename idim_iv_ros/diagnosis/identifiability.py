@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
+from idim_iv_ros.estimation.likelihood import Columns, Fit, Regression, width_of
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 

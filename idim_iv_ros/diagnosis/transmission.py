@@ -30,13 +30,13 @@ from idim_iv_ros.diagnosis.comparison.named_columns import (
     supported,
 )
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.causes import Cause, Evidence, Gap
 from idim_iv_ros.diagnosis.result.recordings import Transmission, TransmissionSeries
 from idim_iv_ros.effects.cause import EffectParameter, Part
 from idim_iv_ros.effects.registry import name_of, part_of
 from idim_iv_ros.effects.two_masses import transmitted
+from idim_iv_ros.estimation.likelihood import Fit, Regression, rms
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, nominal_residuals
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import JointGap, Regime, Where
+from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.recording.recording import SessionPart, in_recordings
 from idim_iv_ros.statistics.bootstrap import interval, resampled
 from idim_iv_ros.types import FloatArray, IntArray

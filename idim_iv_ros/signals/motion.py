@@ -255,11 +255,16 @@ def torque_noise(motions: Sequence[Motion]) -> FloatArray:
         rate, factor = motion.signals.rate, motion.decimation.factor
         edge = motion.decimation.edge if factor > 1 else 1.0
         band = edge * rate / (2.0 * factor)
-        segment = min(len(motion.torque), max(64, int(_SEGMENT * rate)))
         lowest = min(_NOISE_BAND * band, 0.375 * rate)
-        floors = []
-        for joint in motion.torque.T:
-            frequency, density = scipy.signal.welch(joint, fs=rate, nperseg=segment)
-            floors.append(float(np.median(density[frequency >= lowest])))
-        variances.append(np.array(floors) * band)
+        variances.append(noise_density(motion.torque, rate, lowest) * band)
     return np.asarray(np.sqrt(np.mean(variances, axis=0)))
+
+
+def noise_density(values: FloatArray, rate: float, lowest: float) -> FloatArray:
+    """Spectral density (n_joints,) of the white noise in values (n_samples, n_joints), 1/Hz.
+
+    The median over frequencies from `lowest`, Hz, on (Welch).
+    """
+    segment = min(len(values), max(64, int(_SEGMENT * rate)))
+    frequency, density = scipy.signal.welch(values, fs=rate, nperseg=segment, axis=0)
+    return np.asarray(np.median(density[frequency >= lowest], axis=0))

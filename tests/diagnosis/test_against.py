@@ -14,10 +14,10 @@ from idim_iv_ros.diagnosis.against.changes import agreement, changes_between, nu
 from idim_iv_ros.diagnosis.against.contrast import contrast_of, contrasted, two_sets
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, change_rows
 from idim_iv_ros.diagnosis.diagnose import of_those_that_agree
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.result.recordings import ContrastResult, RecordingAgreement
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.estimation.likelihood import Regression
 from idim_iv_ros.model import DynamicParameters
 from idim_iv_ros.progress import Stopwatch
 from idim_iv_ros.recording.recording import Recording

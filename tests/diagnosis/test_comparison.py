@@ -17,7 +17,6 @@ from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors
 from idim_iv_ros.diagnosis.comparison.refine import stopped_by_physics
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.contribution import Load
@@ -27,6 +26,7 @@ from idim_iv_ros.effects.friction_drift import DriftShape
 from idim_iv_ros.effects.load_dependent_friction import LoadShape
 from idim_iv_ros.effects.registry import BY_NAME, PARAMETRIC, STRUCTURAL
 from idim_iv_ros.effects.spring import LineShape
+from idim_iv_ros.estimation.likelihood import Regression
 from tests.diagnosis.motions import arm2_session, gravity_and_coriolis
 from tests.diagnosis.worlds import NOISE, PULSES, SINGLE, Torque, pulses, world
 from tests.estimation.test_simulated_arms import recorded

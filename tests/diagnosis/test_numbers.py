@@ -16,10 +16,10 @@ from idim_iv_ros.diagnosis.answer.explained import Explained, explained, unexpla
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
 from idim_iv_ros.diagnosis.comparison.ledger import errors_of_drives, errors_of_links, torque_ledger
 from idim_iv_ros.diagnosis.comparison.select import select
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.refit import missing_gravity
 from idim_iv_ros.diagnosis.result.causes import Cause
+from idim_iv_ros.estimation.likelihood import Regression
 from idim_iv_ros.model.parameters import parameters_of, with_centre_moved
 from tests.diagnosis.motions import arm2_session
 from tests.diagnosis.worlds import point_mass, world

@@ -10,7 +10,6 @@ import pytest
 from bags.simulated_arms import SimulatedArm, arm2
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
 from idim_iv_ros.diagnosis.identifiability import not_shown_by_motion
-from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import noise_floors, repeats_of
 from idim_iv_ros.diagnosis.refit.smooth_motion import corrected_motions, high_passed
@@ -25,6 +24,7 @@ from idim_iv_ros.effects.cause import EffectParameter
 from idim_iv_ros.effects.effect import Place
 from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.estimation.instruments import SimulatedLoop
+from idim_iv_ros.estimation.likelihood import Fit
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import ParallelDecimation
 from idim_iv_ros.simulation import ControlLaw

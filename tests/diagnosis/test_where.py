@@ -6,7 +6,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import folds_of, held_out, row_blocks, time_blocks
 from idim_iv_ros.diagnosis.refit.noise_floor import Repeat, difference_energy, find_repeats
@@ -20,6 +19,7 @@ from idim_iv_ros.diagnosis.where import (
     since_reversal,
     split,
 )
+from idim_iv_ros.estimation.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.recording.recording import SessionPart
 from idim_iv_ros.statistics.bootstrap import block_sums

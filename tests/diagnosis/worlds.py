@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import lfilter
 
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
+from idim_iv_ros.estimation.likelihood import Regression
 
 NOISE = (0.15, 0.05)  # N m, of a row
 Torque = Callable[[SmoothMotion], np.ndarray]

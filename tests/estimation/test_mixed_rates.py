@@ -9,11 +9,11 @@ import pytest
 from bags import simulated_arms
 from bags.simulated_arms import CONFIG, SimulatedArm, arm2
 from idim_iv_ros import IdentificationResult, identify, identify_recordings, load_configuration
-from idim_iv_ros.diagnosis.likelihood import Regression
 from idim_iv_ros.diagnosis.refit.baseline import baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import REPEATS, noise_floors, repeats_of
 from idim_iv_ros.diagnosis.tracking import simulated_tracking
 from idim_iv_ros.errors import DataError, UsageError
+from idim_iv_ros.estimation.likelihood import Regression
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.recording import read
 from idim_iv_ros.recording.recording import Recording, Signal

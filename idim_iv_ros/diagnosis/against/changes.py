@@ -16,12 +16,12 @@ from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
-from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.recordings import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
 
 _AGAIN = 2  # searches with effects of the recordings that differ

@@ -30,7 +30,6 @@ from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
 from idim_iv_ros.diagnosis.controller import law_change, shown_law, why_not_checked
-from idim_iv_ros.diagnosis.likelihood import Columns, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, proposals, refit_of, rows_of
 from idim_iv_ros.diagnosis.refit.refit import Refit, on_likelier_motion
 from idim_iv_ros.diagnosis.result.causes import Evidence
@@ -51,6 +50,7 @@ from idim_iv_ros.diagnosis.sentences import (
 )
 from idim_iv_ros.effects.cause import EffectParameter, Parameters
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, name_of
+from idim_iv_ros.estimation.likelihood import Columns, rms
 from idim_iv_ros.identification.prepare import prepare
 from idim_iv_ros.identification.sanity import ANOTHER_UNIT, in_smaller_units
 from idim_iv_ros.recording.recording import Recording, Session, session_of

@@ -10,7 +10,6 @@ from idim_iv_ros.diagnosis.answer.explained import AssessedTerm, Explained
 from idim_iv_ros.diagnosis.comparison.curves import GainRipple
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
-from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.causes import (
     Cause,
@@ -25,6 +24,7 @@ from idim_iv_ros.diagnosis.result.causes import (
 from idim_iv_ros.diagnosis.result.document import Verdict
 from idim_iv_ros.effects.parametric_effect import ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.types import FloatArray
 
 

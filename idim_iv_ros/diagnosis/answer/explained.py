@@ -13,7 +13,6 @@ from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.probability import LIMITS, features, of_set, probability
 from idim_iv_ros.diagnosis.comparison.refine import stopped_by_physics, together
 from idim_iv_ros.diagnosis.comparison.select import Selection
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of, with_parameters
 from idim_iv_ros.diagnosis.refit.command_rows import events_in
 from idim_iv_ros.diagnosis.refit.held_out import HeldOut, held_out
@@ -24,6 +23,7 @@ from idim_iv_ros.diagnosis.where import above_noise
 from idim_iv_ros.effects.cause import Parameters
 from idim_iv_ros.effects.effect import Shape
 from idim_iv_ros.effects.registry import BY_NAME
+from idim_iv_ros.estimation.likelihood import Fit, Regression, rms
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import FloatArray
 

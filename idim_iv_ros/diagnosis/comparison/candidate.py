@@ -12,7 +12,6 @@ import numpy as np
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC, SIGNALS
 from idim_iv_ros.diagnosis.comparison.ledger import numbers_not_given
 from idim_iv_ros.diagnosis.identifiability import cannot_show, too_little
-from idim_iv_ros.diagnosis.likelihood import Columns, width_of
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, rows_of
 from idim_iv_ros.diagnosis.refit.refit import unit_gravity_rows
 from idim_iv_ros.effects.effect import Effect, Place, Shape
@@ -23,6 +22,7 @@ from idim_iv_ros.effects.parametric_effect import (
     ParametricEffect,
 )
 from idim_iv_ros.effects.registry import PARAMETRIC, STRUCTURAL
+from idim_iv_ros.estimation.likelihood import Columns, width_of
 from idim_iv_ros.types import BoolArray, FloatArray, SingleArray
 
 Scope = frozenset[int]  # recordings in which something acts; empty: all

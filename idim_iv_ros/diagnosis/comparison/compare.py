@@ -19,8 +19,8 @@ from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Catalogue, Key
 from idim_iv_ros.diagnosis.comparison.curves import NONPARAMETRIC
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import LOG_NOTHING
-from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.effects.registry import STRUCTURAL
+from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
 
 # Torque that an effect may have, as a share of the joint's: its size is a mixture over these.

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from idim_iv_ros.diagnosis.likelihood import Columns, noise_model, rms
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.held_out import row_blocks
+from idim_iv_ros.estimation.likelihood import Columns, noise_model, rms
 from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression

@@ -9,8 +9,8 @@ from scipy.special import softmax
 from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term, unit_basis
-from idim_iv_ros.diagnosis.likelihood import width_of
 from idim_iv_ros.effects.effect import Shape
+from idim_iv_ros.estimation.likelihood import width_of
 
 _STEPS = (0.3, 0.15, 0.07)  # relative, of the numbers of a shape
 _MOVES = 4  # at most, of one step

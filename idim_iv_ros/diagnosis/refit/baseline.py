@@ -16,11 +16,9 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Columns, Regression, rms, width_of
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, with_law_speed
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion, dynamics_of, smooth_motions
 from idim_iv_ros.diagnosis.result.causes import JointChange
@@ -29,12 +27,14 @@ from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.estimation.idim_iv import IdimIvEstimate, idim_iv
 from idim_iv_ros.estimation.instruments import InstrumentSources, instrument_sources
 from idim_iv_ros.estimation.least_squares import solve_least_squares
+from idim_iv_ros.estimation.likelihood import Columns, Regression, rms, width_of
 from idim_iv_ros.estimation.observation import observation_rows, torque_rows
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signals import Motion, shifted
+from idim_iv_ros.signals.motion import noise_density
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -42,7 +42,6 @@ _PRISMATIC_LEVER = 0.1  # m: what counts as a radian of a prismatic joint
 _ASSUMED_DRY_FRICTION = 0.05  # largest torques of a joint that shows none: sizes are judged by it
 _AT_ONCE = 32  # shapes: their columns together stay small
 _NYQUIST_MARGIN = 1.3  # of half of the sampling rate over the proposed cut-off of the positions
-_NOISE_SEGMENT = 2.0  # s of the spectrum from which the noise of the sensors is read
 _HIGHEST_CUTOFF = 0.4  # of the sampling rate: cut-off of the positions that is proposed at most
 
 T = TypeVar("T", bound=np.generic)
@@ -391,8 +390,5 @@ def _noise(motions: Sequence[Motion], quantity: str) -> FloatArray:
     variances = []
     for motion in motions:
         values, rate = getattr(motion.signals, quantity), motion.signals.rate
-        segment = min(len(values), max(64, int(_NOISE_SEGMENT * rate)))
-        frequency, density = welch(values, fs=rate, nperseg=segment, axis=0)
-        upper = density[frequency > 0.25 * rate]
-        variances.append(np.median(upper, axis=0) * rate / 2.0)
+        variances.append(noise_density(values, rate, 0.25 * rate) * rate / 2.0)
     return np.asarray(np.sqrt(np.mean(variances, axis=0)))

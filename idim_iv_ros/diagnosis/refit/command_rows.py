@@ -16,10 +16,10 @@ import numpy as np
 import scipy
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import rms
 from idim_iv_ros.effects.contribution import CommandParts
 from idim_iv_ros.effects.registry import CONTROL_LAW
 from idim_iv_ros.estimation.instruments import InstrumentSources, SimulatedLoop
+from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.signals import JointSignals, Motion, shifted

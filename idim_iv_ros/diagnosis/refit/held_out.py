@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit, Regression, white_noise
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.refit.noise_floor import Repeat
 from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM, Gap
 from idim_iv_ros.diagnosis.result.document import Stage
+from idim_iv_ros.estimation.likelihood import Fit, Regression, white_noise
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.signals import AutoregressiveModel
 from idim_iv_ros.statistics.bootstrap import energies, interval, resampled, roots

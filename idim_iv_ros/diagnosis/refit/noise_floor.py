@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.likelihood import Fit
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
+from idim_iv_ros.estimation.likelihood import Fit
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.types import FloatArray, IntArray
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from idim_iv_ros.diagnosis.comparison.ledger import RowNoise, scale_of
 from idim_iv_ros.diagnosis.identifiability import Absorption
-from idim_iv_ros.diagnosis.likelihood import Regression
+from idim_iv_ros.estimation.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel
 

@@ -12,7 +12,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.estimation.qr import NOT_SHOWN, Basis, independent_basis, stacked_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
@@ -20,6 +19,8 @@ from idim_iv_ros.types import FloatArray
 
 _NOISE_MODEL_ORDER = 10  # of an autoregression, at most
 _NOISE_MODEL_STEPS = 3  # fits of the noise models from white noise
+# Of the mean spectral density, that every frequency has: a model is wrong by a little everywhere.
+_LEAST_DENSITY = 0.01
 
 Columns = Mapping[int, FloatArray]
 
@@ -162,7 +163,7 @@ def noise_model(rows: JointRows, residual: FloatArray) -> AutoregressiveModel:
     if rows.left_out:
         return white_noise(rows, residual)
     model = fit_autoregression(residual, rows.segments, max_order=_NOISE_MODEL_ORDER)
-    model = model.with_white_noise(settings.LEAST_DENSITY)
+    model = model.with_white_noise(_LEAST_DENSITY)
     variance = float(np.mean(model.whiten(residual, rows.segments) ** 2))
     return replace(model, innovation_variance=variance or 1e-24)
 
