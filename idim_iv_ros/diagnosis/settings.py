@@ -157,7 +157,7 @@ LONGEST_LAG = Setting(2.0, "control periods",
     "of hold, one of computing, and half of one until a cycle takes it; more is a delay", PHYSICS)
 LAG_DIFFERENCE = Setting(0.5, "control periods, or intervals of the recording by two",
     "lag beyond that of half of the joints from which on it is the law's")
-LAW_SPEED_GAIN = Setting(0.2, "commands' residual (rms)",
+LAW_SPEED_GAIN = Setting(0.1, "commands' residual (rms)",
     "what another speed than the plain one must take, at least, to be the law's")
 MUCH_BEYOND_LAW = Setting(0.1, "command (rms)",
     "size from which on what commands hold beyond the law is said, and nothing of a lag")

@@ -214,12 +214,18 @@ class Refit:
 
     @property
     def on_time(self) -> tuple[tuple[str, int], ...]:
-        """Delays at joints that share the shift of all: they have none of their own."""
-        chain = self.shift.chain
+        """Delays at joints whose effort is no later than those of the others: they have none."""
+        chain, shift = self.shift.chain, self.shift
         if chain.effort_shift.std is None:
             return ()
         shared = [j for j, name in enumerate(self.data.joints) if name not in chain.differing]
-        return tuple((name_of("delay"), joint) for joint in shared)
+        shifts = [chain.joint_shifts[self.data.joints[joint]] for joint in shared]
+        values, stds = np.array([(one.value, one.std or np.inf) for one in shifts]).T
+        weights = (1.0 - np.eye(len(shared))) / stds**2  # of the other joints
+        total = np.maximum(weights.sum(axis=1), 1e-300)
+        apart, unsure = values - weights @ values / total, np.hypot(stds, total**-0.5)
+        room = settings.SHIFT_AGREEMENT * shift.period + settings.CLEAR_DEVIATIONS * unsure
+        return tuple((name_of("delay"), shared[k]) for k in np.flatnonzero(apart <= room))
 
     @property
     def not_testable(self) -> tuple[NotTestable, ...]:
