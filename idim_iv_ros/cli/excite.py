@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from rich.console import Console
-from typer import Option
+from typer import Context, Option
 
 from idim_iv_ros.cli import output as shared
 from idim_iv_ros.cli.output import Output, print_table
+from idim_iv_ros.errors import UsageError
 
 if TYPE_CHECKING:
     from idim_iv_ros.excitation.diagnosis import Diagnosis
@@ -30,7 +31,15 @@ _CONDITION_NUMBERS = {
 }
 
 
+# Options that belong to one purpose.
+_OPTIONS_OF = {
+    "identification": ("period", "repeats", "harmonics", "torque_noise", "time_limit", "criterion"),
+    "diagnosis": ("duration",),
+}
+
+
 def excite_command(
+    context: Context,
     config: shared.Config,
     out: Annotated[Path, Option("--out", metavar="TRAJ", help="Writes TRAJ.csv, .yaml, .json.")],
     purpose: Literal["identification", "diagnosis", "servo"] = Option(
@@ -88,11 +97,17 @@ def excite_command(
     )
     from idim_iv_ros.excitation.limits import motion_limits
 
+    for other, names in _OPTIONS_OF.items():
+        sources = [context.get_parameter_source(name) for name in names if other != purpose]
+        given = [source is not None and source.name == "COMMANDLINE" for source in sources]
+        if any(given):
+            option = f"--{names[given.index(True)].replace('_', '-')}"
+            raise UsageError(f"{option} belongs to --for {other}, and this is --for {purpose}")
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     model = load_model(configuration)
-    given = None if acceleration is None else shared.numbers("--acceleration", acceleration)
-    limits = motion_limits(model, configuration, margin=margin, acceleration=given, floor=floor)
+    most = None if acceleration is None else shared.numbers("--acceleration", acceleration)
+    limits = motion_limits(model, configuration, margin=margin, acceleration=most, floor=floor)
     posture = None if start is None else np.array(shared.numbers("--start", start))
     output.warn(model.robot.doubts)
     require_place(out, force=force)
