@@ -44,9 +44,10 @@ def cases(seed: int) -> Iterator[Case]:
 
 def _excite_with(option: str, folder: Path, good: Good, random: np.random.Generator) -> list[str]:
     config = write_configuration(folder)
-    arguments = excitation(folder, config, **{option[2:]: str(random.choice(_NUMBERS))})
-    for_diagnosis = random.uniform() < 0.15 or option == "--duration"
-    return [*arguments, "--for", "diagnosis"] if for_diagnosis else arguments
+    options = {option[2:]: str(random.choice(_NUMBERS))}
+    if random.uniform() < 0.15 or option == "--duration":
+        options["for"] = "diagnosis"
+    return excitation(folder, config, **options)
 
 
 def _excite(**options: str) -> Build:

@@ -114,7 +114,9 @@ def write_text(path: Path, text: str) -> Path:
 
 def excitation(folder: Path, config: Path, out: Path | None = None, **options: str) -> list[str]:
     """Arguments of the shortest design of a motion; `options` replace its own."""
-    short = {"period": "2", "repeats": "1", "rate": "100", "time-limit": "0.2", **options}
+    short = {"rate": "100", **options}
+    if options.get("for") != "diagnosis":
+        short = {"period": "2", "repeats": "1", "time-limit": "0.2", **short}
     arguments = ["excite", "--config", str(config), "--out", str(out or folder / "m")]
     return arguments + [part for name, value in short.items() for part in (f"--{name}", value)]
 
