@@ -13,10 +13,11 @@ from idim_iv_ros.diagnosis.comparison.folds import Chosen
 from idim_iv_ros.diagnosis.comparison.select import Selection
 from idim_iv_ros.types import FloatArray
 
+LEAST_GAIN = "least gain in the prediction of a part of the time, logarithm with its sign"
 FEATURES = (
     "logarithm of what the objective loses without it",
     "share of the parts of the time without which it is chosen",
-    "least gain in the prediction of a part of the time, logarithm with its sign",
+    LEAST_GAIN,
     "logarithm of its visible share of the torque over what remains beyond the noise",
     "its weight in its set",
     "logarithm of its visible share over that of all other effects at its joint",
