@@ -11,13 +11,15 @@ import pytest
 from bags.simulated_arms import arm2
 from idim_iv_ros.diagnosis import sentences
 from idim_iv_ros.diagnosis.answer.causes import hints_of, signal_notes, structural_causes
-from idim_iv_ros.diagnosis.answer.explained import explained, unexplained
+from idim_iv_ros.diagnosis.answer.explained import NO_HELP, explained, unexplained
 from idim_iv_ros.diagnosis.comparison.candidate import Catalogue
+from idim_iv_ros.diagnosis.comparison.folds import chosen_without
 from idim_iv_ros.diagnosis.comparison.ledger import torque_ledger
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors
 from idim_iv_ros.diagnosis.comparison.refine import stopped_by_physics
 from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
+from idim_iv_ros.diagnosis.refit.held_out import HeldOut
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.effects.contribution import Load
 from idim_iv_ros.effects.effect import Place
@@ -223,6 +225,21 @@ def test_a_cause_has_numbers_intervals_and_a_probability() -> None:
     assert all(number.std is not None for number in cause.parameters.values())
     assert cause.torque_gap.after < 0.6 * cause.torque_gap.before
     assert f"{100 * cause.probability:.0f} %" in cause.sentence
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_free_numbers_do_not_need_stays_where_it_predicts_every_part(monkeypatch, sign):
+    """Of a short recording new numbers, all of them free, predict a held-out part by chance."""
+    monkeypatch.setattr(HeldOut, "helps", lambda *_: False)
+    chosen = chosen_without(single(0))
+    gains = sign * np.abs(chosen.gains)
+    monkeypatch.setattr(
+        "idim_iv_ros.diagnosis.answer.explained.chosen_without",
+        lambda _: replace(chosen, gains=gains),
+    )
+    explanation = explained(single(0))
+    assert len(explanation.effects) == (sign > 0.0)
+    assert {one.reason for one in explanation.doubtful} == ({NO_HELP} if sign < 0.0 else set())
 
 
 def test_contacts_are_events_with_their_joint_and_times(data: Baseline) -> None:

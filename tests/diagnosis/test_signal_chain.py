@@ -5,6 +5,7 @@ late by half a period. Nothing of the estimate is used to make the recordings.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from scipy.signal import lfilter
 from bags import simulated_arms
 from bags.simulated_arms import arm2, arm6
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
-from idim_iv_ros.diagnosis.refit.refit import _chain, aligned, refitted
+from idim_iv_ros.diagnosis.refit.refit import EffortShift, Refit, _chain, aligned, refitted
+from idim_iv_ros.diagnosis.refit.turning_friction import TurningFriction
 from idim_iv_ros.recording.recording import Recording
 from tests.diagnosis.motions import with_signals
 from tests.estimation.test_simulated_arms import recorded
@@ -149,3 +151,15 @@ def test_of_two_joints_that_differ_the_earlier_has_the_common_shift() -> None:
     chain = _chain(["joint_1", "joint_2"], shifts, deviations, 2e-3)
     assert chain.differing == ("joint_1",)
     assert chain.effort_shift.value == pytest.approx(-1.03e-3)
+
+
+@pytest.mark.parametrize(("late", "on_time"), [(0.3, range(6)), (1.48, [0, 2, 3, 4, 5])])
+def test_a_joint_is_on_time_by_its_own_shift_not_by_a_third_one(late, on_time) -> None:
+    """ms; the last joint is unsure enough to share its shift with all others."""
+    joints = tuple("abcdef")
+    shifts = 1e-3 * np.array([0.31, late, 0.32, 0.46, 0.30, 1.0])
+    deviations = 1e-3 * np.array([0.07, 0.08, 0.11, 0.11, 0.09, 0.21])
+    shift = EffortShift(_chain(joints, shifts, deviations, 5e-3), 5e-3, 0.0)
+    assert shift.chain.differing == ()
+    refit = Refit(SimpleNamespace(joints=joints), shift, TurningFriction({}, {}))  # type: ignore
+    assert refit.on_time == tuple(("time_delay", joint) for joint in on_time)
