@@ -48,19 +48,16 @@ _NO_SIZE = "beside new values of all numbers its size may as well be zero"
 class AssessedTerm:
     """A term and how far it is believed.
 
-    `features`: see `comparison.probability`; `probability`: that it is a cause by its first name;
-    that its set holds one decides; `chosen`: without how many of the folds the search chooses it,
-    ``4 of 4``; `reason`: why it is no cause, empty where it is one; `outside`: whether its torque
-    is there, and it is something else; `too_unsure`: probability that its set holds a cause, where
-    nothing but this speaks against it.
+    `probability`: that it is a cause by its first name; that its set holds one decides, and is
+    `too_unsure` where nothing but this speaks against it.
     """
 
     term: Term
-    features: FloatArray
+    features: FloatArray  # see `comparison.probability`
     probability: float
-    chosen: str
-    reason: str
-    outside: bool = False
+    chosen: str  # without how many of the folds the search chooses it, ``4 of 4``
+    reason: str  # why it is no cause; empty where it is one
+    outside: bool = False  # whether its torque is there, and it is something else
     too_unsure: float | None = None
 
 
@@ -68,25 +65,21 @@ class AssessedTerm:
 class Explained:
     """What the gap is explained by: causes, and the refit with those that are effects.
 
-    `effects`, `numbers`: causes, of structure in the order of the stages, and of the nominal
-    numbers, last those of which the nominal model says nothing; `doubtful`: selected and no causes;
-    `outside`: free curves, and effects that are not adequate: what the catalogue does not explain.
-    `regression`: of the refit, with one block for each of `effects`; `fits`: of the refit, and with
-    the first, the first two … effects; `whole`: with what lies outside the catalogue and matters,
-    and with the numbers that no base parameters hold, too; `tested`: held-out residuals of the
-    stages; `floors`: one for each joint.
+    `numbers`: last those of which the nominal model says nothing; `outside`: free curves, and
+    effects that are not adequate: what the catalogue does not explain. `whole`: with what of this
+    matters, and with the numbers that no base parameters hold, too.
     """
 
     selection: Selection
-    effects: tuple[AssessedTerm, ...]
-    numbers: tuple[AssessedTerm, ...]
-    doubtful: tuple[AssessedTerm, ...]
+    effects: tuple[AssessedTerm, ...]  # causes of structure, in the order of the stages
+    numbers: tuple[AssessedTerm, ...]  # causes among the nominal numbers
+    doubtful: tuple[AssessedTerm, ...]  # selected and no causes
     outside: tuple[Term, ...]
-    regression: Regression
-    fits: tuple[Fit, ...]
+    regression: Regression  # of the refit, with one block for each effect
+    fits: tuple[Fit, ...]  # of the refit, and with the first, the first two … effects
     whole: Fit
-    tested: HeldOut
-    floors: tuple[NoiseFloor, ...]
+    tested: HeldOut  # held-out residuals of the stages
+    floors: tuple[NoiseFloor, ...]  # one for each joint
 
     @property
     def data(self) -> Baseline:

@@ -51,19 +51,17 @@ class Kind(Enum):
 class Candidate:
     """One effect at one place, with all shapes of one width that are tried.
 
-    `place`: None where a number belongs to no joint; `shapes`: one for each option; that of a
-    number, which has `changes`, has no numbers of its own; `lines`: torque of unit coefficients by
-    joint, N m, (options × width, r_j): the columns of one option after those of the option before;
-    `width`: columns of an option.
+    `lines`: torque of unit coefficients by joint, N m, (options × width, r_j): the columns of one
+    option after those of the option before.
     """
 
     kind: Kind
     effect: Effect | ParametricEffect
-    place: Place | None
-    shapes: tuple[Shape, ...]
-    changes: tuple[Change, ...]
+    place: Place | None  # None where a number belongs to no joint
+    shapes: tuple[Shape, ...]  # one for each option; without numbers where there are changes
+    changes: tuple[Change, ...]  # of the nominal numbers
     lines: dict[int, SingleArray]
-    width: int
+    width: int  # columns of an option
     scope: Scope = frozenset()
 
     @property

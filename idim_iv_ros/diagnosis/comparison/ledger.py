@@ -36,25 +36,17 @@ _ROWS, _COLUMNS = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
 
 @dataclass(frozen=True, eq=False)
 class Ledger:
-    """Rows r = y − X β₀ of all joints, and the physical errors of β₀.
+    """Rows r = y − X β₀ of all joints, and the physical errors of β₀ (changes of it, (b, k))."""
 
-    `joints`: X of each; `gap` (r_j,): what the nominal model leaves, N m (N); `sizes` (n_joints,):
-    rms of the recorded torque; `unsampled` (r_j,): content of the torque at half the rate of the
-    recording. Changes (b, k) of the b base parameters: `link_errors`, `drive_errors` of relative
-    size one, `free_errors` of any size, of numbers of which the nominal model says nothing.
-    `blocks` (r_j,): stretch of time that each row belongs to, numbered over all recordings;
-    `nominal`: whether there are given numbers; else every number is free.
-    """
-
-    joints: tuple[JointRows, ...]
-    gap: tuple[FloatArray, ...]
-    sizes: FloatArray
-    link_errors: FloatArray
-    drive_errors: FloatArray
-    free_errors: FloatArray
-    blocks: tuple[IntArray, ...]
-    unsampled: tuple[FloatArray, ...]
-    nominal: bool
+    joints: tuple[JointRows, ...]  # X of each joint
+    gap: tuple[FloatArray, ...]  # (r_j,) what the nominal model leaves, N m (N)
+    sizes: FloatArray  # (n_joints,) rms of the recorded torque
+    link_errors: FloatArray  # of relative size one
+    drive_errors: FloatArray  # of relative size one
+    free_errors: FloatArray  # of any size: of numbers that the nominal model lacks
+    blocks: tuple[IntArray, ...]  # (r_j,) stretch of time of each row, over all recordings
+    unsampled: tuple[FloatArray, ...]  # (r_j,) content at half the rate of the recording
+    nominal: bool  # whether there are given numbers; else every number is free
 
     @property
     def parameters(self) -> int:

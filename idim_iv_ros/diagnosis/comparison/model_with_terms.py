@@ -26,32 +26,26 @@ _LEAST_SIZE, _WIDER = 0.02, 3.0  # of a term, so that its coefficients are as go
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """One option in a model.
+    """One option in a model, and what is estimated of it.
 
-    `columns` (r_j, w): torque of unit coefficients, N m; `basis` (w, w): coefficients of a torque
-    of unit size; `size`: share of the torque, root of the mean over its joints; `log_prior`: of
-    this option; `evidence`: logarithm of the Bayes factor against misfit, when it was accepted;
-    `presence`: posterior probability against nothing, before calibration; `whole`, `visible`
-    (n_joints,): share of the torque that it has, and that counts beside errors and other terms;
-    `rivals`: other effects and places with their weights, together with its own one; `dispersion`:
-    variance of its score over blocks of time over that of the model. Of a term of which nothing is
-    estimated these are left out.
+    `whole`, `visible` (n_joints,): share of the torque that it has, and that counts beside errors
+    and other terms; `rivals`: other effects and places with their weights, and its own.
     """
 
     candidate: Candidate
     shape: Shape
-    columns: dict[int, FloatArray]
-    coefficients: FloatArray
-    deviations: FloatArray
-    basis: FloatArray
-    size: float = 0.0
-    log_prior: float = 0.0
-    evidence: float = 0.0
-    presence: float = 0.0
+    columns: dict[int, FloatArray]  # (r_j, w) torque of unit coefficients, N m
+    coefficients: FloatArray  # (w,)
+    deviations: FloatArray  # (w,)
+    basis: FloatArray  # (w, w) coefficients of a torque of unit size
+    size: float = 0.0  # share of the torque, root of the mean over its joints
+    log_prior: float = 0.0  # of this option
+    evidence: float = 0.0  # ln of the Bayes factor against misfit, when accepted
+    presence: float = 0.0  # posterior probability against nothing, before calibration
     whole: FloatArray = field(default_factory=lambda: np.zeros(0))
     visible: FloatArray = field(default_factory=lambda: np.zeros(0))
     rivals: tuple[tuple[Key, float], ...] = ()
-    dispersion: float = 1.0
+    dispersion: float = 1.0  # variance of its score over blocks of time, over the model's
 
     @property
     def key(self) -> Key:

@@ -176,20 +176,18 @@ class Whitened:
     """Rows of model and gap with the noise of each joint at unit variance, and their products.
 
     The columns of the options, which are by far the most, are not kept whitened: (W x)ᵀ y is xᵀ (Wᵀ
-    y). Rows of `model` (r_j, c_j) and `gap` (r_j,) that are not `counted` are zero; `normal`: XᵀX
-    (b, b); `shared`: all columns with X (p, b); `inner`: (m_w, w, w) products of the columns of
-    each option; `by_joint`: the same of the rows of each joint, whether they count or not.
+    y). Rows that are not counted are zero.
     """
 
     options: Options
     noise: tuple[RowNoise, ...]
-    model: tuple[FloatArray, ...]
-    gap: tuple[FloatArray, ...]
-    counted: tuple[BoolArray, ...]
-    normal: FloatArray
-    shared: FloatArray
-    inner: dict[int, FloatArray]
-    by_joint: list[dict[int, FloatArray]]
+    model: tuple[FloatArray, ...]  # (r_j, c_j)
+    gap: tuple[FloatArray, ...]  # (r_j,)
+    counted: tuple[BoolArray, ...]  # (r_j,)
+    normal: FloatArray  # XᵀX (b, b)
+    shared: FloatArray  # all columns with X (p, b)
+    inner: dict[int, FloatArray]  # (m_w, w, w) products of the columns of each option
+    by_joint: list[dict[int, FloatArray]]  # the same of all rows of each joint, counted or not
 
     @cached_property
     def score(self) -> FloatArray:

@@ -33,18 +33,13 @@ LIMITS = 0.01, 0.99  # no table of a few thousand recordings says more
 
 @dataclass(frozen=True)
 class Table:
-    """Weights of a logistic regression.
+    """Weights of a logistic regression."""
 
-    `origin`: from which recordings it was made; `terms`: of all of them; `weights`: those of
-    `FEATURES`; `effects`: what is added for an effect, drawn towards zero: some are what misfit
-    looks like.
-    """
-
-    origin: str
-    terms: int
+    origin: str  # from which recordings it was made
+    terms: int  # of all of them
     intercept: float
-    weights: dict[str, float]
-    effects: dict[str, float]
+    weights: dict[str, float]  # those of `FEATURES`
+    effects: dict[str, float]  # added for an effect, drawn to zero: some look like misfit
 
 
 @cache

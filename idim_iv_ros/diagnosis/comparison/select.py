@@ -40,15 +40,12 @@ _ROWS_PER_COLUMN = 4
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Terms that explain the gap, free curves of what they leave, and what compared them.
-
-    `displaced`: effects that were chosen, and the curve that is likelier in the place of one.
-    """
+    """Terms that explain the gap, free curves of what they leave, and what compared them."""
 
     terms: Terms
     curves: Terms
     comparison: Comparison
-    displaced: tuple[tuple[Term, Term], ...] = ()
+    displaced: tuple[tuple[Term, Term], ...] = ()  # effects, and the likelier curve
 
     @property
     def catalogue(self) -> Catalogue:

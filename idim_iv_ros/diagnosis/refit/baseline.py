@@ -52,22 +52,18 @@ class Baseline:
     """The refit of the nominal model to the recordings, and what candidates are made from.
 
     The model has torque offsets, whatever the configuration says: what is constant is a number of
-    the nominal model (zero there), and no physics that it lacks.
-
-    `commands`: recorded, beside the configured law; None where they cannot be compared;
-    `sticking`: whether it is known where joints stick: the closed loop of every recording is
-    simulated; `regression`: of the torque on the smooth motion; `shift`: s by which the effort of
-    its rows is later than recorded.
+    the nominal model (zero there), and no physics that it lacks. Where joints stick is known where
+    the closed loop of every recording is simulated.
     """
 
     prepared: PreparedRegression
     estimate: IdimIvEstimate
     sources: InstrumentSources
-    commands: LawCommands | None
+    commands: LawCommands | None  # beside the law; None where they cannot be compared
     motions: tuple[SmoothMotion, ...]
-    sticking: bool
-    regression: Regression
-    shift: float = 0.0
+    sticking: bool  # whether it is known where joints stick
+    regression: Regression  # of the torque on the smooth motion
+    shift: float = 0.0  # s by which the effort of its rows is later than recorded
 
     @property
     def rows(self) -> tuple[JointRows, ...]:

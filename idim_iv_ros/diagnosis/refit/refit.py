@@ -56,18 +56,16 @@ _SHIFT_STEPS = 2  # fits of the shift, which enters the regression to first orde
 class MissingGravity:
     """Gravity as the recordings show it, where it is missing on one side or far from configured.
 
-    `acceleration`: (3,) m/s², base frame; `configured`: whether there is another one.
-
     With the masses of the nominal model. The statistic is that of Wald, with the noise of the model
     that has gravity: without it a joint's residual is so smooth that its noise model takes it for
-    noise, and the likelihood hardly separates them. `weightless`: the nominal model without it.
+    noise, and the likelihood hardly separates them.
     """
 
-    configured: bool
-    acceleration: FloatArray
-    deviation: FloatArray
+    configured: bool  # whether there is another one
+    acceleration: FloatArray  # (3,) m/s², base frame
+    deviation: FloatArray  # (3,) m/s²
     statistic: float
-    weightless: Stage
+    weightless: Stage  # the nominal model without it
 
     @property
     def compensated(self) -> bool:
@@ -111,13 +109,12 @@ class EffortShift:
     """Time from the recorded effort to the torque on the joints, s.
 
     `chain`: as it is reported, without the speed of the law; positive where the effort is recorded
-    before it acts; `period`, `configured`: of the control, and the delay that the configured law
-    has.
+    before it acts.
     """
 
     chain: SignalChain
-    period: float
-    configured: float
+    period: float  # of the control
+    configured: float  # delay that the configured law has
 
     @property
     def common(self) -> EffectParameter:
@@ -186,16 +183,14 @@ class EffortShift:
 class Refit:
     """The model that every candidate is added to, on the smooth motion.
 
-    `shift`: taken out of the effort; `turning`: when dry friction turns, where the simulated loop
-    does not tell it best; `gravity`: which the nominal model lacks; `data` has it; `delays`: one
-    cause where the shift is longer than the control makes it; `answers_noise`: whether the loop
-    answers to that of its encoders, so that nothing can be said of delays.
+    `delays`: one cause where the shift is longer than the control makes it; `answers_noise`:
+    whether the loop answers to that of its encoders, so that nothing can be said of delays.
     """
 
     data: Baseline
-    shift: EffortShift
-    turning: TurningFriction
-    gravity: MissingGravity | None = None
+    shift: EffortShift  # taken out of the effort
+    turning: TurningFriction  # when dry friction turns, where the simulated loop does not tell
+    gravity: MissingGravity | None = None  # which the nominal model lacks; `data` has it
     delays: tuple[Cause, ...] = ()
     answers_noise: bool = False
 

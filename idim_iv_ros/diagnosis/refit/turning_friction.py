@@ -49,13 +49,12 @@ Crossing = tuple[float, float]  # lead and time of crossing of the dry friction 
 class TurningFriction:
     """How early the dry friction of some joints turns; that of the others sticks as simulated.
 
-    By joint `leads`, s before the joint, and `widths`, rad/s (m/s) of v + lead · dv/dt, within
-    which the friction crosses from one level to the other; `evenly`: in time, without a lead.
+    `widths`: of v + lead · dv/dt, within which the friction crosses from one level to the other.
     """
 
-    leads: dict[int, float]
-    widths: dict[int, float]
-    evenly: bool = False
+    leads: dict[int, float]  # by joint, s before the joint
+    widths: dict[int, float]  # rad/s (m/s)
+    evenly: bool = False  # whether it crosses evenly in time, without a lead
 
     @property
     def soft(self) -> list[int]:
