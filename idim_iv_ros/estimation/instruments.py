@@ -135,11 +135,9 @@ class SimulatedLoop:
             nominal, *moved = pool.map(predictions, [values, *drawn])
         if nominal is None:
             return None
-        drawn_ones = [prediction for prediction in moved if prediction is not None]
+        usable = [prediction for prediction in moved if prediction is not None]
         return tuple(
-            np.array([prediction[k] - joint for prediction in drawn_ones])
-            .reshape(len(drawn_ones), len(joint))
-            .T
+            np.array([of[k] - joint for of in usable]).reshape(len(usable), len(joint)).T
             for k, joint in enumerate(nominal)
         )
 
