@@ -126,19 +126,15 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
     """Return a sentence on the main cause, and how much of the worst joint's gap is corrected."""
     corrected, worst = ("", None) if gap is None else (_corrected_share(result, gap), gap.joint)
     if result.causes:
-        first = result.causes[0]
-        more = len(result.causes) - 1
-        others = f", with {more} more" if more else ""
-        name = effect_at(first.effect, first.joint)
+        causes = _first_words(result.causes)
         everywhere = any(cause.joint is None for cause in result.causes)
-        places = {cause.joint for cause in result.causes}
-        places |= {cause.other_joint for cause in result.causes}
+        places = {place for cause in result.causes for place in (cause.joint, cause.other_joint)}
         places |= {change.joint for cause in result.causes for change in cause.joint_gaps}
-        if worst is not None and not everywhere and worst not in places:
-            if any(error.joint == worst for error in result.parameter_errors):
-                return f"Wrong parameter values there{corrected}; besides them, {name}{others}."
-            return f"Cause elsewhere: {name}{others}{corrected}."
-        return f"Main cause: {name}{others}{corrected}."
+        if worst is None or everywhere or worst in places:
+            return f"Main cause: {causes}{corrected}."
+        if any(error.joint == worst for error in result.parameter_errors):
+            return f"Wrong parameter values there{corrected}; besides them, {causes}."
+        return f"Cause elsewhere: {causes}{corrected}."
     if result.unexplained is not None:
         what = FAMILIES[result.unexplained.family]
         likeliest = result.unexplained.likeliest(result.hints)
@@ -152,6 +148,11 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
     if result.verdict == "parametric":
         return f"Parameter values are wrong; this recording does not show which{corrected}."
     return "Its cause is inconclusive on this recording."
+
+
+def _first_words(causes: Sequence[Cause | ContrastCause]) -> str:
+    name, more = effect_at(causes[0].effect, causes[0].joint), len(causes) - 1
+    return f"{name}, with {more} more" if more else name
 
 
 def _certainty(result: GapResult, worst: JointGap) -> str:
@@ -213,21 +214,19 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
     }[colour]
-    fit = result.fit
-    error = percent(fit.relative_error_percent, 3)
+    error = percent(result.fit.relative_error_percent, 3)
     state = "" if result.converged else " The iteration has not converged."
     sizes = [
         parameter.relative_std_percent
         for parameter in result.parameters
         if parameter.essential and is_number(parameter.relative_std_percent)
     ]
-    precision: tuple[str, ...] = ()
-    if sizes and colour != "bad":
-        half = percent(INTERVAL * float(np.median(sizes)))
-        precision = (
-            f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %).",
-        )
-    return believed, f"The model misses {error} of the torque.{state}", *precision
+    said = believed, f"The model misses {error} of the torque.{state}"
+    if not sizes or colour == "bad":
+        return said
+    half = percent(INTERVAL * float(np.median(sizes)))
+    known = f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %)."
+    return *said, known
 
 
 def _has_reference(result: IdentificationResult) -> bool:
@@ -336,21 +335,17 @@ def contrast_headline(contrast: ContrastResult) -> list[str]:
     """Return sentences on what changed between two sets, by how much, and how certain that is."""
     apart = list(map(sentence, contrast.not_compared))
     if contrast.causes:
-        first, more = contrast.causes[0], len(contrast.causes) - 1
-        name = effect_at(first.effect, first.joint)
-        others = f", with {more} more" if more else ""
-        words = [f"From the reference to the second set changed: {name}{others}."]
-        torques = [
-            f"{percent(100.0 * torque.share_of_torque)} of the torque at {torque.joint}"
-            for torque in first.torques[:1]
-        ]
-        sizes = filter(None, (_size_words(first.effect, first.parameters), *torques))
-        words.append(sentence(", ".join(sizes)))
-        rivals = [
-            f"{effect_at(rival.effect, rival.joint)} ({percent(100.0 * rival.weight)})"
-            for rival in first.indistinguishable_from[:1]
-        ]
-        return [*words, *(f"Or else: {rival}." for rival in rivals), *apart]
+        first = contrast.causes[0]
+        changed = f"From the reference to the second set changed: {_first_words(contrast.causes)}."
+        sizes = [_size_words(first.effect, first.parameters)]
+        for torque in first.torques[:1]:
+            part = percent(100.0 * torque.share_of_torque)
+            sizes.append(f"{part} of the torque at {torque.joint}")
+        words = [changed, sentence(", ".join(filter(None, sizes)))]
+        for rival in first.indistinguishable_from[:1]:
+            weight = percent(100.0 * rival.weight)
+            words.append(f"Or else: {effect_at(rival.effect, rival.joint)} ({weight}).")
+        return words + apart
     if contrast.differs:
         widest = max(contrast.joints, key=lambda joint: joint.share_of_torque)
         share = percent(100.0 * widest.share_of_torque)

@@ -34,15 +34,10 @@ R = TypeVar("R", IdentificationResult, GapResult, Result)
 class Nominal:
     """The nominal model of a result, read again from its configuration; or why it is `missing`."""
 
-    configuration: Configuration | None
-    model: InverseModel | None
-    skeleton: Skeleton | None
-    missing: str
-
-    @property
-    def is_mjcf(self) -> bool:
-        """Return whether the nominal model is an MJCF, which also holds drive inertias."""
-        return self.configuration is not None and self.configuration.robot.mjcf is not None
+    missing: str = ""
+    model: InverseModel | None = None
+    skeleton: Skeleton | None = None
+    is_mjcf: bool = False  # which also holds drive inertias
 
 
 def read_nominal(document: Mapping[str, object]) -> Nominal:
@@ -51,17 +46,16 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
     Where the URDF came with the recording or does not exist any more, there is none: the report
     then leaves out what needs it.
     """
-    configuration = None
+    is_mjcf = False
     try:
         configuration = Configuration.model_validate_json(json.dumps(document))
-        urdf = configuration.robot.description
+        urdf, is_mjcf = configuration.robot.description, configuration.robot.mjcf is not None
         if urdf is None:
-            reason = "the URDF came with the recording, not with the configuration"
-            return Nominal(configuration, None, None, reason)
+            return Nominal("the URDF came with the recording, not with the configuration")
         model = build_inverse_model(configuration, read_urdf_file(urdf), urdf.name)
-        return Nominal(configuration, model, skeleton(model.robot), "")
+        return Nominal("", model, skeleton(model.robot), is_mjcf)
     except Exception as error:  # whatever is wrong with a file that was right before
-        return Nominal(configuration, None, None, one_line(error))
+        return Nominal(one_line(error), is_mjcf=is_mjcf)
 
 
 @dataclass(frozen=True)

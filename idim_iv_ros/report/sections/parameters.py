@@ -91,7 +91,7 @@ class ChangedValue:
 
 def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
     """Return all base parameters, those with an element or a key first, in order of joints."""
-    rows = []
+    found: list[tuple[str, str, float | None, float, float | None, str]]
     if isinstance(result, GapResult):
         expressions: dict[str, str] = {}
         given: dict[str, float] = {}
@@ -100,15 +100,20 @@ def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
             expressions = dict(zip(base.names, base.expressions, strict=True))
             if any(stage.name == "given" for stage in result.stages):
                 given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
-        for name, by in result.extended_parameters.items():
-            words, key = _place(name, expressions.get(name, ""), result.joints, nominal)
-            numbers = given.get(name), by.value, by.std
-            rows.append(ChangedValue(name, words, key, *numbers, by.unit))
+        found = [
+            (name, expressions.get(name, ""), given.get(name), by.value, by.std, by.unit)
+            for name, by in result.extended_parameters.items()
+        ]
     else:
-        for p in result.parameters:
-            words, key = _place(p.name, p.expression, result.joints, nominal)
-            numbers = p.given_value, p.value, p.std
-            rows.append(ChangedValue(p.name, words, key, *numbers, p.unit))
+        found = [
+            (p.name, p.expression, p.given_value, p.value, p.std, p.unit) for p in result.parameters
+        ]
+    rows = [
+        ChangedValue(
+            name, *_place(name, expression, result.joints, nominal), before, new, std, unit
+        )
+        for name, expression, before, new, std, unit in found
+    ]
     return sorted(rows, key=lambda row: not row.key)
 
 
