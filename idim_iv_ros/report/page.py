@@ -2,8 +2,8 @@
 
 import base64
 import gzip
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import cache
 from importlib import resources
 from inspect import getmembers, isfunction
 from typing import Any
@@ -13,26 +13,15 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report import gap_words, numerals
-from idim_iv_ros.report.figures import Figure
+from idim_iv_ros.report import advice, gap_words, numerals
 from idim_iv_ros.report.numerals import plural, with_unit
 from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
-from idim_iv_ros.report.sections import (
-    drives,
-    parameters,
-    provenance,
-    torque,
-    validation,
-    verdict,
-)
-
-
-def _drawn(figure: Callable[[Any, Any], Figure]) -> Callable[[Report[Any]], dict[str, Any]]:
-    """Return the context of a section whose template asks for figures of a result's series."""
-    return lambda report: {"figure": partial(figure, report.result)}
-
+from idim_iv_ros.report.sections import drives, parameters, provenance, torque, validation
+from idim_iv_ros.report.sections.robot import robot_drawing
 
 _TORQUE = Section("Torque", "torque", torque.torque)
 _CHANGES = Section("Given → new", "changes", parameters.changes)
@@ -40,29 +29,29 @@ _PHYSICAL = Section("Physical", "physical", parameters.physical)
 _REPEAT = Section("Repeat", "repeat", provenance.repeat)
 _GLOSSARY: Section[Any] = Section("Glossary", "glossary")
 IDENTIFICATION: tuple[Section[Any], ...] = (
-    Section("Verdict", "verdict", verdict.identification),
+    Section("Verdict", "verdict"),
     _TORQUE,
     _CHANGES,
-    Section("Parameters", "parameters", lambda report: {"typeset": parameters.typeset}),
+    Section("Parameters", "parameters"),
     _PHYSICAL,
-    Section("Residuals", "residuals", _drawn(validation.autocorrelation)),
+    Section("Residuals", "residuals"),
     Section("Tests", "instruments"),
     Section("Processing", "processing", provenance.processing),
     _REPEAT,
     _GLOSSARY,
 )
 DIAGNOSIS: tuple[Section[Any], ...] = (
-    Section("What changed", "contrast", verdict.contrast),
-    Section("Verdict", "verdict", verdict.diagnosis, "gap_verdict"),
-    Section("Friction", "friction", _drawn(drives.friction_figure)),
+    Section("What changed", "contrast"),
+    Section("Verdict", "verdict", template="gap_verdict"),
+    Section("Friction", "friction"),
     _TORQUE,
-    Section("Causes", "causes", verdict.causes),
+    Section("Causes", "causes"),
     _CHANGES,
     Section("Shrinkage", "stages", torque.stages),
-    Section("Residual", "residuals", _drawn(drives.residual_figure), "residual_curves"),
+    Section("Residual", "residuals", template="residual_curves"),
     Section("Regimes", "where"),
     Section("Tracking", "tracking", torque.tracking),
-    Section("Transmissions", "transmissions", _drawn(drives.twist_figure)),
+    Section("Transmissions", "transmissions"),
     _PHYSICAL,
     Section("Limits", "limits"),
     Section("Notes", "notes"),
@@ -102,7 +91,7 @@ def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
 def environment() -> Environment:
     """Return the environment of the templates: text is escaped, undefined names are errors.
 
-    Functions of `numerals` are filters, and those of `gap_words` may be called.
+    Functions of `numerals` are filters, and those that say or draw something may be called.
     """
     templates = Environment(
         loader=PackageLoader("idim_iv_ros.report"),
@@ -112,7 +101,15 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     templates.filters |= dict(getmembers(numerals, isfunction))
-    templates.globals |= dict(getmembers(gap_words, isfunction))
+    for module in (gap_words, advice, drives, validation, parameters):
+        templates.globals |= dict(getmembers(module, isfunction))
+    templates.globals |= {
+        **{"badges": advice.BADGES, "families": advice.FAMILIES, "surest": surest},
+        "robot_drawing": robot_drawing,
+        "separating_motion": separating_motion,
+        "torque_figure": torque.torque_figure,
+        "tracking_figure": torque.tracking_figure,
+    }
     templates.tests["finite"] = numerals.is_number
     return templates
 

@@ -122,7 +122,7 @@ class Report(Generic[R]):
 
 @dataclass(frozen=True)
 class Section(Generic[R]):
-    """One section of a page, with what its template gets besides `title`, `result` and `files`.
+    """One section of a page, with what its template gets besides `report`, `result` and `files`.
 
     The template is `template`, else that with the name of the anchor. It may print nothing, and a
     context may be None: then the section is left out.
@@ -145,7 +145,7 @@ class Section(Generic[R]):
             if shown is None:
                 return None
             template = templates.get_template(f"{self.template or self.anchor}.html.j2")
-            given |= {"result": report.result, "files": report.files}
+            given |= {"report": report, "result": report.result, "files": report.files}
             text = template.render(given | dict(shown))
         except Exception as error:
             if os.environ.get("IDIM_IV_TRACEBACK"):

@@ -1,6 +1,5 @@
 """Sections on torque over time and what each model leaves of it, and on closed-loop tracking."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,10 +54,8 @@ def torque(report: Report[Any]) -> dict[str, Any] | None:
     models = {name: colour for row in rows for name, _, colour in row.models}
     return {
         "diagnosis": isinstance(result, GapResult),
-        "session": report.session.words,
         "models": [("line", colour, name) for name, colour in models.items()],
         "rows": rows,
-        "figure": partial(_figure, report),
     }
 
 
@@ -84,7 +81,8 @@ def _model_curves(result: GapResult) -> list[_Joint]:
     return rows
 
 
-def _figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
+def torque_figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
+    """Return a figure: measured and modelled torque above, measured less modelled below."""
     unit, session = torque_unit(report.result, rows.joint), report.session
     left = "Gap" if isinstance(report.result, GapResult) else "Residual"
     torques = [values for _, values, _ in rows.models]
@@ -186,7 +184,6 @@ def tracking(report: Report[GapResult]) -> dict[str, Any] | None:
         "before": _stage_name(result, 0),
         "after": _stage_name(result, -1),
         "drawn": list(firsts.values()),
-        "figure": partial(tracking_figure, result),
     }
 
 

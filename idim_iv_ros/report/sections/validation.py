@@ -19,7 +19,7 @@ from idim_iv_ros.types import FloatArray
 _HEIGHT = 230
 
 
-def autocorrelation(result: IdentificationResult, residual: JointResidual) -> Figure:
+def autocorrelation_figure(result: IdentificationResult, residual: JointResidual) -> Figure:
     """Return a figure of the autocorrelation of a joint's residual, with its whitened part."""
     rate = result.processing.row_rate
     data = [_stems(residual.acf, ORANGE, "residual", -0.14, rate)]
@@ -38,13 +38,8 @@ def autocorrelation(result: IdentificationResult, residual: JointResidual) -> Fi
         ),
     }
     words = f"Autocorrelation of the residual of {residual.joint}"
-    return Figure(
-        f"acf-{result.joints.index(residual.joint)}",
-        _HEIGHT,
-        words,
-        data,
-        {**axes, "shapes": [white]},
-    )
+    anchor = f"acf-{result.joints.index(residual.joint)}"
+    return Figure(anchor, _HEIGHT, words, data, {**axes, "shapes": [white]})
 
 
 def _stems(
