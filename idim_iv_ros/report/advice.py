@@ -111,15 +111,12 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
 
 def difference_rows(result: GapResult) -> list[tuple[str, str, str]]:
     """Return rows on recordings that differ from the others: its name, effect and joint, size."""
-    return [
-        (
-            recording.bag,
-            effect_at(difference.effect, difference.joint),
-            _size_words(difference.effect, difference.parameters) or MISSING,
-        )
-        for recording in result.recordings
-        for difference in recording.differences
-    ]
+    rows = []
+    for recording in result.recordings:
+        for of in recording.differences:
+            size = _size_words(of.effect, of.parameters) or MISSING
+            rows.append((recording.bag, effect_at(of.effect, of.joint), size))
+    return rows
 
 
 def _cause_words(result: GapResult, gap: JointGap | None) -> str:
@@ -216,11 +213,8 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     }[colour]
     error = percent(result.fit.relative_error_percent, 3)
     state = "" if result.converged else " The iteration has not converged."
-    sizes = [
-        parameter.relative_std_percent
-        for parameter in result.parameters
-        if parameter.essential and is_number(parameter.relative_std_percent)
-    ]
+    percents = (p.relative_std_percent for p in result.parameters if p.essential)
+    sizes = list(filter(is_number, percents))
     said = believed, f"The model misses {error} of the torque.{state}"
     if not sizes or colour == "bad":
         return said

@@ -84,15 +84,12 @@ def fleet_html(
         "change_figure": _change_figure,
         "changes_judged": _testable(result)[1],
     }
-    return page_html(
-        "Fleet",
-        f"{plural(len(result.robots), 'robot')}, {plural(len(result.bags), 'bag')}",
-        _subtitle(result),
-        [
-            one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
-            for anchor, title in _SECTIONS.items()
-        ],
-    )
+    counts = f"{plural(len(result.robots), 'robot')}, {plural(len(result.bags), 'bag')}"
+    sections = [
+        one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
+        for anchor, title in _SECTIONS.items()
+    ]
+    return page_html("Fleet", counts, _subtitle(result), sections)
 
 
 def _subtitle(result: FleetResult) -> str:
@@ -233,15 +230,10 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
         "yaxis": axis("", tickvals=list(range(len(names))), ticktext=names[::-1],
                       range=[-0.6, len(names) - 0.4], showgrid=False),
     }  # fmt: skip
+    anchor = f"distribution-{result.types.index(kind)}"
     words = f"Robots of type {kind.type} beside each other, one row for each quantity"
-    margin = {"l": 90, "r": 12, "t": 8, "b": 44}
-    return Figure(
-        f"distribution-{result.types.index(kind)}",
-        70 + _ROW * len(names),
-        words,
-        data,
-        {**axes, "shapes": shapes, "margin": margin},
-    )
+    layout = {**axes, "shapes": shapes, "margin": {"l": 90, "r": 12, "t": 8, "b": 44}}
+    return Figure(anchor, 70 + _ROW * len(names), words, data, layout)
 
 
 def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
@@ -268,16 +260,14 @@ def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
 
 
 def _change_figure(change: ParameterChange, anchor: str) -> Figure:
-    times, fitted = list(change.times), list(change.fitted)
-    bars = [INTERVAL * std for std in change.stds]
-    dots = scatter(
-        times,
-        list(change.values),
-        "markers",
-        error_y={"type": "data", "array": bars, "color": BLUE, "thickness": 1, "width": 0},
-        marker={"color": BLUE, "size": 7, "symbol": "diamond"},
-        hovertemplate=f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
-    )
+    times, values, fitted = list(change.times), list(change.values), list(change.fitted)
+    bars = {"type": "data", "array": [INTERVAL * std for std in change.stds], "color": BLUE}
+    dots: dict[str, Any] = {
+        "error_y": {**bars, "thickness": 1, "width": 0},
+        "marker": {"color": BLUE, "size": 7, "symbol": "diamond"},
+        "hovertemplate": f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
+    }
+    bags = scatter(times, values, "markers", **dots)
     if change.kind == "step":
         # The level holds up to the first bag that is changed.
         before = int(np.searchsorted(times, change.begin))
@@ -291,4 +281,4 @@ def _change_figure(change: ParameterChange, anchor: str) -> Figure:
         "yaxis": axis(f"{change.name}, {change.unit}", nticks=6),
     }
     words = f"{change.name} of each bag over time, and the change that was found"
-    return Figure(anchor, 250, words, [dots, law], {**axes, "shapes": [begin]})
+    return Figure(anchor, 250, words, [bags, law], {**axes, "shapes": [begin]})

@@ -216,13 +216,9 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
         f"({percent(100.0 * rival.weight)})"
         for rival in cause.indistinguishable_from
     )
-    return (
-        effect_at(cause.effect, cause.joint, cause.other_joint),
-        f"{number(gap.before)} → {number(gap.after)} {unit}",
-        share,
-        probability_words(cause),
-        rivals or MISSING,
-    )
+    where = effect_at(cause.effect, cause.joint, cause.other_joint)
+    size = f"{number(gap.before)} → {number(gap.after)} {unit}"
+    return where, size, share, probability_words(cause), rivals or MISSING
 
 
 def unnamed_error(result: GapResult) -> ParameterError | None:
@@ -233,18 +229,19 @@ def unnamed_error(result: GapResult) -> ParameterError | None:
 
 def wrong_numbers(result: GapResult) -> str:
     """Return all parameter errors in one line, with their count; empty without any."""
-    wrong = [cause for cause in result.causes if cause.kind == "parametric"]
-    listed = []
-    for cause in wrong:
+    wrong = []
+    for cause in result.causes:
+        if cause.kind != "parametric":
+            continue
         words = effect_at(cause.effect, cause.joint)
         first = surest(cause.parameters, 1)
-        for name, parameter in first.items() if cause.joint is not None else ():
-            size = with_interval(parameter.value, parameter.std, parameter.unit)
+        for name, by in first.items() if cause.joint is not None else ():
+            size = with_interval(by.value, by.std, by.unit)
             words += f", {parameter_words(cause.effect, name)} {size}"
         if cause.probability is not None:
             words += f" ({probability_words(cause)})"
-        listed.append(words)
-    lines = [f"{plural(len(wrong), 'error')}: {'; '.join(listed)}"] if wrong else []
+        wrong.append(words)
+    lines = [f"{plural(len(wrong), 'error')}: {'; '.join(wrong)}"] if wrong else []
     rest = unnamed_error(result)
     if rest is not None:
         part = rest.share_of_torque

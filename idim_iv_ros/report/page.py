@@ -47,7 +47,7 @@ DIAGNOSIS: tuple[Section[Any], ...] = (
     _TORQUE,
     Section("Causes", "causes"),
     _CHANGES,
-    Section("Shrinkage", "stages", torque.stages),
+    Section("Shrinkage", "stages"),
     Section("Residual", "residuals", template="residual_curves"),
     Section("Regimes", "where"),
     Section("Tracking", "tracking", torque.tracking),
@@ -66,25 +66,20 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     A section that fails is replaced by one line, with a `ReportWarning`. `files` are the paths in
     the commands on the page.
     """
-    seconds = sum(bag.duration for bag in result.bags)
+    what = f"{result.estimator.upper()} identification of {plural(len(result.joints), 'joint')}"
+    seconds = with_unit(sum(bag.duration for bag in result.bags), "s")
+    sections = _sections(Report(result, files), IDENTIFICATION)
     return page_html(
-        result.robot,
-        "dynamic parameters",
-        f"{result.estimator.upper()} identification of {plural(len(result.joints), 'joint')} from "
-        f"{with_unit(seconds, 's')} of recording",
-        _sections(Report(result, files), IDENTIFICATION),
+        result.robot, "dynamic parameters", f"{what} from {seconds} of recording", sections
     )
 
 
 def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
     """Return the report of a diagnosis as one self-contained HTML document; see `report_html`."""
-    return page_html(
-        result.robot,
-        "sim-to-real gap",
-        f"Diagnosis of {plural(len(result.joints), 'joint')} from "
-        f"{with_unit(gap_words.duration(result), 's')} of recording",
-        _sections(Report(result, files), DIAGNOSIS),
-    )
+    seconds = with_unit(gap_words.duration(result), "s")
+    of = f"Diagnosis of {plural(len(result.joints), 'joint')} from {seconds} of recording"
+    sections = _sections(Report(result, files), DIAGNOSIS)
+    return page_html(result.robot, "sim-to-real gap", of, sections)
 
 
 @cache
@@ -109,6 +104,7 @@ def environment() -> Environment:
         "separating_motion": separating_motion,
         "torque_figure": torque.torque_figure,
         "tracking_figure": torque.tracking_figure,
+        "waterfall": torque.waterfall,
     }
     templates.tests["finite"] = numerals.is_number
     return templates

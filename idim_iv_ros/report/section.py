@@ -21,7 +21,7 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.model.link_motion import Skeleton, skeleton
 from idim_iv_ros.recording.recording import SessionPart
-from idim_iv_ros.report.time_axis import SessionAxis, session_axis
+from idim_iv_ros.report.time_axis import SessionAxis
 
 # What a page calls the configuration where its file is not known.
 CONFIGURATION = "robot.yaml"
@@ -114,10 +114,10 @@ class Report(Generic[R]):
     def session(self) -> SessionAxis:
         """Return the common time axis of the recordings."""
         if isinstance(self.result, GapResult):
-            return session_axis(self.result.session)
+            return SessionAxis(tuple(self.result.session))
         bags = self.result.bags
         parts = (SessionPart(Path(bag.path).name, bag.session_start, bag.duration) for bag in bags)
-        return session_axis(tuple(parts))
+        return SessionAxis(tuple(parts))
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,8 @@ def physical(report: Report[Any]) -> dict[str, Any] | None:
     nearest = report.result.physical
     if nearest is None and not report.result.why_no_physical:
         return None
-    moved = [
-        parameter
-        for parameter in (nearest.base if nearest is not None else ())
-        if is_number(parameter.deviations) and abs(parameter.deviations) >= _LARGE
-    ]
+    base = nearest.base if nearest is not None else ()
+    moved = [p for p in base if is_number(p.deviations) and abs(p.deviations) >= _LARGE]
     return {
         "physical": nearest,
         "moved": sorted(moved, key=lambda parameter: -abs(parameter.deviations)),

@@ -134,7 +134,7 @@ def _shade(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[s
 Bar = tuple[str, float, float]
 
 
-def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
+def waterfall(result: GapResult, joint: str) -> dict[str, Any]:
     """Return the models with their bars at one joint, and the noise floor with its bar."""
     gap = next((gap for gap in result.where.joints if gap.joint == joint), None)
     floor = None if gap is None else gap.noise_floor
@@ -156,15 +156,7 @@ def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
             previous = value
         rows.append((stage, bars))
     bar = None if floor is None else ("full floor", 0.0, floor / largest)
-    return {"joint": joint, "gap": gap, "rows": rows, "floor": bar}
-
-
-def stages(report: Report[GapResult]) -> dict[str, Any] | None:
-    """Return what the section on the shrinking gap shows; None without stages."""
-    if not report.result.stages:
-        return None
-    result = report.result
-    return {"joints": [_waterfall(result, joint) for joint in result.joints]}
+    return {"gap": gap, "rows": rows, "floor": bar}
 
 
 _BUCKETS = 220
