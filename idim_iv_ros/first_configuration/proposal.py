@@ -51,7 +51,6 @@ class DriverPreset:
     """Keys that the drivers of one kind of robot have in common."""
 
     name: str
-    path: Path
     # By section, as a configuration has them; sources of signals as text
     keys: Mapping[str, Mapping[str, Any]]
 
@@ -112,7 +111,7 @@ def read_driver(name: str) -> DriverPreset:
     except ValidationError as error:
         raise UsageError(f"{path}: {first_problem(error)}") from error
     given = whole.model_dump(exclude_unset=True)
-    return DriverPreset(path.stem, path, {k: v for k, v in given.items() if k != "robot"})
+    return DriverPreset(path.stem, {k: v for k, v in given.items() if k != "robot"})
 
 
 _WIDTH = 10_000  # no value is broken over lines
@@ -187,10 +186,8 @@ def propose_configuration(
         topics, why = choose_topics(contents, joints, states, effort)
         sources = {**topics, **named}  # those of the driver where it names them
         reasons = {("signals", key): reason for key, reason in why.items()}
-        values: dict[str, dict[str, object]] = {
-            "robot": {"joints": joints},
-            "signals": dict(sources),
-        }
+        values: dict[str, dict[str, object]] = {"robot": {"joints": joints}}
+        values["signals"] = dict(sources)
         limits: tuple[float, ...] = ()
         if servo:
             values["signals"]["effort"] = NO_EFFORT
@@ -251,12 +248,11 @@ def _merge(
                 values.setdefault(section, {})[key] = value
                 reasons[section, key] = f"driver {preset.name}"
     for key in named:
-        before = reasons.get(("signals", key), "")
-        chosen = key in values["signals"] and before and key != "reference"
-        reasons["signals", key] = f"driver {preset.name}" + (f"; {before}" if chosen else "")
+        before = "" if key == "reference" else reasons.get(("signals", key), "")
+        reasons["signals", key] = "; ".join(filter(None, (f"driver {preset.name}", before)))
     for key, reason in missing.items():
         before = reasons.get(("signals", key), "")
-        reasons["signals", key] = f"{before}; {reason}" if before else reason
+        reasons["signals", key] = "; ".join(filter(None, (before, reason)))
 
 
 _UNIT_WARNING = (

@@ -310,15 +310,10 @@ class PredictionWindow:
         valid = ~transform.touched(position.invented, effort.invented)
         torque = transform.torque(effort.values)
         record = JointSignals("", self.rate, transform.position(position.values), torque, valid)
-        return decimated_motion(
-            record,
-            self._smooth(record.position, self._cutoff),
-            slice(first - begin, grid.samples),
-            self._processing,
-            (self._cutoff, self._factor),
-            self._minimum_speed,
-            self._coupling_joints,
-        )
+        smoothed = self._smooth(record.position, self._cutoff)
+        span = slice(first - begin, grid.samples)
+        settings = self._processing, (self._cutoff, self._factor), self._minimum_speed
+        return decimated_motion(record, smoothed, span, *settings, self._coupling_joints)
 
     def _smooth(self, values: FloatArray, cutoff: float) -> FloatArray:
         return zero_phase_butterworth(values, rate=self.rate, cutoff=cutoff, order=self._order)
@@ -337,11 +332,8 @@ class PredictionWindow:
         valid = motion.signals.valid[motion.span][around].all(axis=0)
         position, least = motion.position[motion.span], self._minimum_speed
         moves = fast_samples(position, self.rate, least, self._coupling_joints)[around].all(axis=0)
-        return (
-            self._stamp(self._curve_place),
-            np.where(valid, measured, np.nan),
-            np.where(valid & moves, predicted, np.nan),
-        )
+        measured = np.where(valid, measured, np.nan)
+        return self._stamp(self._curve_place), measured, np.where(valid & moves, predicted, np.nan)
 
 
 SHARE_SECONDS = 1.0  # of rows behind the share of the noise floor

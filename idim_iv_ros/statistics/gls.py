@@ -103,10 +103,5 @@ def _generalised_least_squares(
     width = regressors.shape[1]
     rest = basis.remove(whitened[:, -1])
     variance = float(rest @ rest) / max(1, len(target) - basis.rank)
-    return GlsRegression(
-        errors,
-        whitened,
-        basis.solve(whitened[:, -1], width),
-        np.sqrt(variance) * basis.inverse_root(width),
-        variance,
-    )
+    root = np.sqrt(variance) * basis.inverse_root(width)
+    return GlsRegression(errors, whitened, basis.solve(whitened[:, -1], width), root, variance)

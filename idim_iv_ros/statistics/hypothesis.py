@@ -51,9 +51,8 @@ def f_test(
     scope: str,
     explained: tuple[float, int],
     unexplained: tuple[float, int],
-    *,
-    max_deviation: float | None = None,
     torque_deviation_percent: float | None = None,
+    max_deviation: float | None = None,
 ) -> HypothesisTest:
     """F-test that what some directions explain is no more than noise.
 

@@ -101,10 +101,8 @@ def _test_of_all(
     )
     basis = independent_basis(stacked[:, :width])
     delta, root = basis.solve(stacked[:, width], width), basis.inverse_root(width)
-    percents = [
-        _torque_percent(rows, parameters, delta[rows.columns], root[rows.columns])
-        for rows in joints
-    ]
+    parts = [(rows, delta[rows.columns], root[rows.columns]) for rows in joints]
+    percents = [_torque_percent(rows, parameters, *solution) for rows, *solution in parts]
     largest = largest_deviation(stacked_with_instruments(joints, width, sigma)[:, :-1], n_rows)
     percent = float(np.sqrt(np.mean(np.square(percents))))
     return _satterthwaite_f_test("all", stacked, (n_rows, width), largest, percent)
@@ -143,14 +141,8 @@ def _satterthwaite_f_test(
     freedom = max(1, round(mean**2 / spread_of_energy))
     # Scaled to a sum of `freedom` squares of the noise's variance.
     scaled = float(projection @ projection) * variance * freedom / mean
-    return f_test(
-        VALID,
-        scope,
-        (scaled, freedom),
-        (unexplained, dof),
-        max_deviation=deviation,
-        torque_deviation_percent=torque_percent,
-    )
+    sums = (scaled, freedom), (unexplained, dof)
+    return f_test(VALID, scope, *sums, torque_percent, deviation)
 
 
 def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:

@@ -124,13 +124,9 @@ def _test(
     explained = float(np.linalg.norm(beyond @ added.solve(left, width))) ** 2
     noise = unexplained / dof * float(np.linalg.norm(beyond @ added.inverse_root(width))) ** 2
     torque = float(rows.torque @ rows.torque)
-    return f_test(
-        null,
-        scope,
-        (float(gained @ gained), added.rank),
-        (unexplained, dof),
-        torque_deviation_percent=100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque)),
-    )
+    percent = 100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque))
+    sums = (float(gained @ gained), added.rank), (unexplained, dof)
+    return f_test(null, scope, *sums, percent)
 
 
 def _directions(instruments: FloatArray, functions: FloatArray) -> tuple[FloatArray, int]:
