@@ -217,14 +217,7 @@ def servo_command(
     settings = None if gains is None else shared.numbers("--gains", gains)
     if settings is not None and not all(setting > 0.0 for setting in settings):
         raise UsageError(f"--gains {gains}: gains are above zero")
-    from idim_iv_ros.report.servo import (
-        SUMMARY_COLUMNS,
-        error_rows,
-        gain_rows,
-        headline,
-        number_rows,
-        summary_rows,
-    )
+    from idim_iv_ros.report import servo as servos
     from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
     from idim_iv_ros.servo.identify import identify_servos
 
@@ -235,22 +228,22 @@ def servo_command(
         identify_servos, bags, config, SERVO, out, force=force, **options
     )
     console, absolute = output.console, any(joint.absolute for joint in result.joints)
-    columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
+    columns = ("joint", *(f">{heading}" for heading in servos.SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"
-    print_table(console, title, columns, summary_rows(result))
+    print_table(console, title, columns, servos.summary_rows(result))
     if not absolute:
         for joint in result.joints:
-            rows = number_rows((*joint.numbers, *joint.ratios))
+            rows = servos.number_rows((*joint.numbers, *joint.ratios))
             print_table(console, joint.joint, ("", ">value", ">95 % interval"), rows)
     for joint in result.joints:
         if joint.reason:
             console.print(f"{joint.joint}: {joint.reason}")
     heads = ("joint", ">perfect tracking", ">simulated servo", ">half not fitted", ">encoder step")
-    print_table(console, "Position, rms in mrad", heads, error_rows(result))
+    print_table(console, "Position, rms in mrad", heads, servos.error_rows(result))
     if result.gains:
         columns = ("recording", "joint", ">given", ">estimated", ">95 % interval", "")
-        print_table(console, "Gains", columns, gain_rows(result))
-    console.print(headline(result))
+        print_table(console, "Gains", columns, servos.gain_rows(result))
+    console.print(servos.headline(result))
     output.warn(result.warnings)
     if out is not None and absolute:
         for path in write_servo_files(result, load_configuration(config), bags, out):

@@ -15,15 +15,7 @@ from idim_iv_ros.errors import first_of
 from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
-from idim_iv_ros.report.gap_words import (
-    effect_at,
-    effect_words,
-    hint_words,
-    probability_words,
-    stage_words,
-    torque_unit,
-    unnamed_error,
-)
+from idim_iv_ros.report import gap_words
 from idim_iv_ros.report.numerals import (
     INTERVAL,
     MISSING,
@@ -99,7 +91,7 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
     more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
     difference = first.differences[0]
     size = _size_words(difference.effect, difference.parameters)
-    by = ", ".join(filter(None, (effect_at(difference.effect, difference.joint), size)))
+    by = ", ".join(filter(None, (gap_words.effect_at(difference.effect, difference.joint), size)))
     used = plural(len(result.bags), "recording")
     means = len(result.bags) == len(result.recordings)
     return (
@@ -115,7 +107,7 @@ def difference_rows(result: GapResult) -> list[tuple[str, str, str]]:
     for recording in result.recordings:
         for of in recording.differences:
             size = _size_words(of.effect, of.parameters) or MISSING
-            rows.append((recording.bag, effect_at(of.effect, of.joint), size))
+            rows.append((recording.bag, gap_words.effect_at(of.effect, of.joint), size))
     return rows
 
 
@@ -136,7 +128,8 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
         what = FAMILIES[result.unexplained.family]
         likeliest = result.unexplained.likeliest(result.hints)
         if likeliest is not None:
-            return f"No cause is certain: the residual {what}; perhaps {hint_words(likeliest)}."
+            perhaps = gap_words.hint_words(likeliest)
+            return f"No cause is certain: the residual {what}; perhaps {perhaps}."
         if result.unexplained.family == "event":
             return f"Nothing in the catalogue explains it: the residual {what}."
         return f"Not in the catalogue: {result.unexplained.where}."
@@ -148,7 +141,7 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
 
 
 def _first_words(causes: Sequence[Cause | ContrastCause]) -> str:
-    name, more = effect_at(causes[0].effect, causes[0].joint), len(causes) - 1
+    name, more = gap_words.effect_at(causes[0].effect, causes[0].joint), len(causes) - 1
     return f"{name}, with {more} more" if more else name
 
 
@@ -157,18 +150,18 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
     if result.causes:
         first = result.causes[0]
         if first.probability is not None:
-            return f"That cause is {probability_words(first)} probable."
+            return f"That cause is {gap_words.probability_words(first)} probable."
         size = _size_words(first.effect, first.parameters)
         return f"Its {size}." if size else ""
     last = result.stages[-1] if result.stages else None
     interval = None if last is None else last.torque_ci95.get(worst.joint)
     if last is None or not is_interval(interval):
         return ""
-    unit = torque_unit(result, worst.joint)
+    unit = gap_words.torque_unit(result, worst.joint)
     level = f"{number(last.torque_rms[worst.joint])} {unit}"
     low, high = map(number, interval)
     noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
-    return f"Held out, the {stage_words(last.name)} leaves {level} ({low} to {high}, 95 %{noise})."
+    return f"Held out, the {gap_words.stage_words(last.name)} leaves {level} ({low} to {high}, 95 %{noise})."
 
 
 def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
@@ -263,7 +256,7 @@ def export_options(result: GapResult) -> tuple[str, ...]:
     """Return the options with which an export of a diagnosis changes all that it shows."""
     # Beside a torque scale or gravity the export cannot spread what no cause names.
     parts = {part_of(cause.effect) for cause in result.causes}
-    spread = unnamed_error(result) and not parts & {"torque scale", "gravity"}
+    spread = gap_words.unnamed_error(result) and not parts & {"torque scale", "gravity"}
     return ("--remainder",) if spread or not result.causes else ()
 
 
@@ -338,7 +331,7 @@ def contrast_headline(contrast: ContrastResult) -> list[str]:
         words = [changed, sentence(", ".join(filter(None, sizes)))]
         for rival in first.indistinguishable_from[:1]:
             weight = percent(100.0 * rival.weight)
-            words.append(f"Or else: {effect_at(rival.effect, rival.joint)} ({weight}).")
+            words.append(f"Or else: {gap_words.effect_at(rival.effect, rival.joint)} ({weight}).")
         return words + apart
     if contrast.differs:
         widest = max(contrast.joints, key=lambda joint: joint.share_of_torque)
@@ -360,7 +353,7 @@ def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
     line = files.command("diagnose", *against, out="after")
     if not contrast.causes:
         return [Step("See what the second set lacks by itself:", line)]
-    where = effect_at(contrast.causes[0].effect, contrast.causes[0].joint)
+    where = gap_words.effect_at(contrast.causes[0].effect, contrast.causes[0].joint)
     first = Step(f"Look at the robot ({where}); diagnose the second set for its values:", line)
     return [first, *_separating_steps(contrast.causes, files)]
 
@@ -371,7 +364,7 @@ def _separating_steps(causes: Sequence[Cause | ContrastCause], files: Files) -> 
         for other in cause.indistinguishable_from:
             how = separating_motion(cause.effect, other.effect)
             if how and not how.startswith("no motion"):
-                pair = f"{effect_words(cause.effect)} from {effect_words(other.effect)}"
+                pair = f"{gap_words.effect_words(cause.effect)} from {gap_words.effect_words(other.effect)}"
                 return [Step(f"Record the motion that separates {pair}:", _motion(files))]
     return []
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult, Stage, TrackingSeries
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.report import gap_words
 from idim_iv_ros.report.figures import (
     BLUE,
     GREY,
@@ -16,15 +17,6 @@ from idim_iv_ros.report.figures import (
     TimeCurve,
     outline,
     over_time,
-)
-from idim_iv_ros.report.gap_words import (
-    drawable,
-    extended_beyond_refit,
-    held_out_words,
-    small_unit,
-    stage_words,
-    torque_unit,
-    torque_word,
 )
 from idim_iv_ros.report.numerals import is_interval, is_number, percent, with_unit
 from idim_iv_ros.report.section import Report
@@ -62,7 +54,7 @@ def torque(report: Report[Any]) -> dict[str, Any] | None:
 def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
     rows = []
     for series, residual in zip(result.series, result.residuals, strict=True):
-        size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
+        size = with_unit(residual.rms, gap_words.torque_unit(result, series.joint), 2)
         words = f"residual {percent(residual.relative_percent)}, rms {size}"
         models = [("predicted", series.predicted, BLUE)]
         rows.append(_Joint(series.joint, series.time, series.measured, models, words, None))
@@ -71,19 +63,19 @@ def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
 
 def _model_curves(result: GapResult) -> list[_Joint]:
     rows = []
-    for series in drawable(result):
+    for series in gap_words.drawable(result):
         models = [] if series.given is None else [("nominal model", series.given, GREY)]
         models.append(("refit", series.refit, ORANGE))
-        if extended_beyond_refit(series):
+        if gap_words.extended_beyond_refit(series):
             models.append(("extended model", series.extended, BLUE))
-        words = held_out_words(result, series.joint)
+        words = gap_words.held_out_words(result, series.joint)
         rows.append(_Joint(series.joint, series.time, series.torque, models, words, series.step))
     return rows
 
 
 def torque_figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
     """Return a figure: measured and modelled torque above, measured less modelled below."""
-    unit, session = torque_unit(report.result, rows.joint), report.session
+    unit, session = gap_words.torque_unit(report.result, rows.joint), report.session
     left = "Gap" if isinstance(report.result, GapResult) else "Residual"
     torques = [values for _, values, _ in rows.models]
     residuals = [rows.measured - values for values in torques]
@@ -109,7 +101,7 @@ def torque_figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
         f"Measured torque of {rows.joint} and that of the models over time",
         thinned.time,
         drawn,
-        (f"{torque_word(unit)}, {unit}", f"{left}, {unit}"),
+        (f"{gap_words.torque_word(unit)}, {unit}", f"{left}, {unit}"),
         0.42,
         behind=[*_shade(thinned, "y", [*upper, measured]), *_shade(thinned, "y2", list(lower))],
         **session.marks(),
@@ -182,12 +174,12 @@ def tracking(report: Report[GapResult]) -> dict[str, Any] | None:
 def _stage_name(result: GapResult, place: int) -> str:
     """Return in brackets the name of a simulated model by its place (0 first, -1 last)."""
     simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
-    return f" ({stage_words(simulated[place])})" if simulated else ""
+    return f" ({gap_words.stage_words(simulated[place])})" if simulated else ""
 
 
 def tracking_figure(result: GapResult, series: TrackingSeries) -> Figure:
     """Return a figure: tracking errors above, simulated less recorded ones below."""
-    unit = small_unit(result, series.joint)
+    unit = gap_words.small_unit(result, series.joint)
     motions = (("before", series.before, GREY), ("after", series.after, BLUE))
     simulated = [(name, values, colour) for name, values, colour in motions if values is not None]
     # Both errors have the same reference: their difference is that of the positions.
