@@ -161,7 +161,8 @@ def _certainty(result: GapResult, worst: JointGap) -> str:
     level = f"{number(last.torque_rms[worst.joint])} {unit}"
     low, high = map(number, interval)
     noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
-    return f"Held out, the {gap_words.stage_words(last.name)} leaves {level} ({low} to {high}, 95 %{noise})."
+    stage = gap_words.stage_words(last.name)
+    return f"Held out, the {stage} leaves {level} ({low} to {high}, 95 %{noise})."
 
 
 def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
@@ -364,7 +365,7 @@ def _separating_steps(causes: Sequence[Cause | ContrastCause], files: Files) -> 
         for other in cause.indistinguishable_from:
             how = separating_motion(cause.effect, other.effect)
             if how and not how.startswith("no motion"):
-                pair = f"{gap_words.effect_words(cause.effect)} from {gap_words.effect_words(other.effect)}"
+                pair = " from ".join(map(gap_words.effect_words, (cause.effect, other.effect)))
                 return [Step(f"Record the motion that separates {pair}:", _motion(files))]
     return []
 
