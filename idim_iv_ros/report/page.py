@@ -19,44 +19,45 @@ from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.report import advice, gap_words, numerals
 from idim_iv_ros.report.numerals import plural, with_unit
-from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
-from idim_iv_ros.report.sections import drives, parameters, provenance, torque, validation
-from idim_iv_ros.report.sections.robot import robot_drawing
+from idim_iv_ros.report.section import UNPLACED, Files, Report, Section
+from idim_iv_ros.report.sections import (
+    drives,
+    parameters,
+    provenance,
+    robot,
+    torque,
+    validation,
+)
 
-_TORQUE = Section("Torque", "torque", torque.torque)
-_CHANGES = Section("Given → new", "changes", parameters.changes)
-_PHYSICAL = Section("Physical", "physical", parameters.physical)
-_REPEAT = Section("Repeat", "repeat", provenance.repeat)
-_GLOSSARY: Section[Any] = Section("Glossary", "glossary")
-IDENTIFICATION: tuple[Section[Any], ...] = (
+IDENTIFICATION = (
     Section("Verdict", "verdict"),
-    _TORQUE,
-    _CHANGES,
+    Section("Torque", "torque"),
+    Section("Given → new", "changes"),
     Section("Parameters", "parameters"),
-    _PHYSICAL,
+    Section("Physical", "physical"),
     Section("Residuals", "residuals"),
     Section("Tests", "instruments"),
-    Section("Processing", "processing", provenance.processing),
-    _REPEAT,
-    _GLOSSARY,
+    Section("Processing", "processing"),
+    Section("Repeat", "repeat"),
+    Section("Glossary", "glossary"),
 )
-DIAGNOSIS: tuple[Section[Any], ...] = (
+DIAGNOSIS = (
     Section("What changed", "contrast"),
-    Section("Verdict", "verdict", template="gap_verdict"),
+    Section("Verdict", "verdict", "gap_verdict"),
     Section("Friction", "friction"),
-    _TORQUE,
+    Section("Torque", "torque"),
     Section("Causes", "causes"),
-    _CHANGES,
+    Section("Given → new", "changes"),
     Section("Shrinkage", "stages"),
-    Section("Residual", "residuals", template="residual_curves"),
+    Section("Residual", "residuals", "residual_curves"),
     Section("Regimes", "where"),
-    Section("Tracking", "tracking", torque.tracking),
+    Section("Tracking", "tracking"),
     Section("Transmissions", "transmissions"),
-    _PHYSICAL,
+    Section("Physical", "physical"),
     Section("Limits", "limits"),
     Section("Notes", "notes"),
-    _REPEAT,
-    _GLOSSARY,
+    Section("Repeat", "repeat"),
+    Section("Glossary", "glossary"),
 )
 
 
@@ -96,21 +97,15 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     templates.filters |= dict(getmembers(numerals, isfunction))
-    for module in (gap_words, advice, drives, validation, parameters):
+    for module in (gap_words, advice, drives, parameters, provenance, robot, torque, validation):
         templates.globals |= dict(getmembers(module, isfunction))
-    templates.globals |= {
-        **{"badges": advice.BADGES, "families": advice.FAMILIES, "surest": surest},
-        "robot_drawing": robot_drawing,
-        "separating_motion": separating_motion,
-        "torque_figure": torque.torque_figure,
-        "tracking_figure": torque.tracking_figure,
-        "waterfall": torque.waterfall,
-    }
+    templates.globals |= {"badges": advice.BADGES, "families": advice.FAMILIES}
+    templates.globals |= {"surest": surest, "separating_motion": separating_motion}
     templates.tests["finite"] = numerals.is_number
     return templates
 
 
-def _sections(report: Report[R], sections: Sequence[Section[R]]) -> list[tuple[str, str, Markup]]:
+def _sections(report: Report[Any], sections: Sequence[Section]) -> list[tuple[str, str, Markup]]:
     drawn = [(section, section.render(report, environment())) for section in sections]
     return [(section.anchor, section.title, text) for section, text in drawn if text is not None]
 

@@ -3,7 +3,7 @@
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -121,32 +121,29 @@ class Report(Generic[R]):
 
 
 @dataclass(frozen=True)
-class Section(Generic[R]):
-    """One section of a page, with what its template gets besides `report`, `result` and `files`.
+class Section:
+    """One section of a page.
 
-    The template is `template`, else that with the name of the anchor. It may print nothing, and a
-    context may be None: then the section is left out.
+    The template is `template`, else that with the name of the anchor. Where it prints nothing, the
+    section is left out.
     """
 
     title: str
     anchor: str
-    context: Callable[[Report[R]], Mapping[str, Any] | None] = lambda report: {}
     template: str = ""
 
-    def render(self, report: Report[R], templates: Environment) -> Markup | None:
+    def render(self, report: Report[Any], templates: Environment) -> Markup | None:
         """Return the section as HTML, or one line in its place where it cannot be drawn.
 
         A failure is a `ReportWarning`, since all numbers are in another file. With
         ``IDIM_IV_TRACEBACK`` set in the environment it is raised.
         """
         given: dict[str, Any] = {"anchor": self.anchor, "title": self.title}
+        result, files, diagnosis = report.result, report.files, report.numbers == GAP
         try:
-            shown = self.context(report)
-            if shown is None:
-                return None
             template = templates.get_template(f"{self.template or self.anchor}.html.j2")
-            given |= {"report": report, "result": report.result, "files": report.files}
-            text = template.render(given | dict(shown))
+            shown = {"report": report, "result": result, "files": files, "diagnosis": diagnosis}
+            text = template.render(given | shown)
         except Exception as error:
             if os.environ.get("IDIM_IV_TRACEBACK"):
                 raise

@@ -7,12 +7,12 @@ a key of the configuration. Of the others only the sum is known.
 import math
 import re
 from dataclasses import dataclass
-from typing import Any
 
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.model.parameters import words_of_name
+from idim_iv_ros.physical.result import BaseChange
 from idim_iv_ros.report.numerals import INTERVAL, is_number
-from idim_iv_ros.report.section import Nominal, Report, Result
+from idim_iv_ros.report.section import Nominal, Result
 
 
 def typeset(expression: str) -> str:
@@ -25,18 +25,11 @@ def typeset(expression: str) -> str:
 _LARGE = 0.1  # σ from which the change of a base parameter is listed
 
 
-def physical(report: Report[Any]) -> dict[str, Any] | None:
-    """Return what the section on the physical set shows; None where there was no search for one."""
-    nearest = report.result.physical
-    if nearest is None and not report.result.why_no_physical:
-        return None
-    base = nearest.base if nearest is not None else ()
+def moved_parameters(result: Result) -> list[BaseChange]:
+    """Return base parameters that the physical set moves by 0.1 σ or more, the farthest first."""
+    base = () if result.physical is None else result.physical.base
     moved = [p for p in base if is_number(p.deviations) and abs(p.deviations) >= _LARGE]
-    return {
-        "physical": nearest,
-        "moved": sorted(moved, key=lambda parameter: -abs(parameter.deviations)),
-        "numbers": report.files.here(report.numbers),
-    }
+    return sorted(moved, key=lambda parameter: -abs(parameter.deviations))
 
 
 # Kinds of standard parameters that can be set: in a URDF or the configuration, in an MJCF.
@@ -127,17 +120,3 @@ def _place(
     link = nominal.skeleton.links[number] if nominal.skeleton else f"link {number + 1}"
     key = _ELEMENTS[parts[1]][nominal.is_mjcf]
     return words_of_name(name, joints), key.format(link=link, joint=joints[number], number=number)
-
-
-def changes(report: Report[Any]) -> dict[str, Any] | None:
-    """Return what the section on given and new values shows; None without parameters."""
-    rows = changed_values(report.result, report.nominal)
-    if not rows:
-        return None
-    return {
-        "single": [row for row in rows if row.key and row.significant is not False],
-        "kept": [row for row in rows if row.key and row.significant is False],
-        "sums": [row for row in rows if not row.key],
-        "config": report.files.config,
-        "given_known": any(row.given is not None for row in rows),
-    }

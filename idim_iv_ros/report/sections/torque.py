@@ -19,7 +19,7 @@ from idim_iv_ros.report.figures import (
     over_time,
 )
 from idim_iv_ros.report.numerals import is_interval, is_number, percent, with_unit
-from idim_iv_ros.report.section import Report
+from idim_iv_ros.report.section import Report, Result
 from idim_iv_ros.report.time_axis import Curves, curves, peaks
 from idim_iv_ros.types import FloatArray
 
@@ -37,18 +37,15 @@ class _Joint(NamedTuple):
     step: float | None
 
 
-def torque(report: Report[Any]) -> dict[str, Any] | None:
-    """Return what the section on torque over time shows; None without series."""
-    result = report.result
-    rows = _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
-    if not rows:
-        return None
+def torque_rows(result: Result) -> list[_Joint]:
+    """Return the curves of each joint that has a series."""
+    return _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
+
+
+def torque_marks(rows: list[_Joint]) -> list[tuple[str, str, str]]:
+    """Return entries of a legend for the models."""
     models = {name: colour for row in rows for name, _, colour in row.models}
-    return {
-        "diagnosis": isinstance(result, GapResult),
-        "models": [("line", colour, name) for name, colour in models.items()],
-        "rows": rows,
-    }
+    return [("line", colour, name) for name, colour in models.items()]
 
 
 def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
@@ -154,24 +151,16 @@ def waterfall(result: GapResult, joint: str) -> dict[str, Any]:
 _BUCKETS = 220
 
 
-def tracking(report: Report[GapResult]) -> dict[str, Any] | None:
-    """Return what the section on the simulated closed loop shows; None where there was none."""
-    result = report.result
+def tracked(result: GapResult) -> list[TrackingSeries]:
+    """Return the first series of each joint whose closed loop was simulated."""
     firsts: dict[str, TrackingSeries] = {}
     for series in result.tracking:
         if len(series.time):
             firsts.setdefault(series.joint, series)
-    if not firsts:
-        return None
-    return {
-        "missing": any(series.before is None or series.after is None for series in firsts.values()),
-        "before": _stage_name(result, 0),
-        "after": _stage_name(result, -1),
-        "drawn": list(firsts.values()),
-    }
+    return list(firsts.values())
 
 
-def _stage_name(result: GapResult, place: int) -> str:
+def simulated_stage(result: GapResult, place: int) -> str:
     """Return in brackets the name of a simulated model by its place (0 first, -1 last)."""
     simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
     return f" ({gap_words.stage_words(simulated[place])})" if simulated else ""
