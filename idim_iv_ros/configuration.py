@@ -365,9 +365,8 @@ class Configuration(Section):
         n = len(self.robot.joints)
         if len(set(self.robot.joints)) != n:
             raise ValueError("robot.joints names a joint twice")
-        sections = {key: section for key, section in self if isinstance(section, Section)}
-        for key, section in sections.items():
-            for name, values in section:
+        for key, section in self:
+            for name, values in section if isinstance(section, Section) else ():
                 if not isinstance(values, list) or name in _OF_ANY_LENGTH:
                     continue
                 if name.startswith("motor_to_joint"):
@@ -381,9 +380,8 @@ class Configuration(Section):
 
     def _couplings(self) -> None:
         motors: set[str] = set()
-        for coupling in self.robot.couplings:
-            first, second = coupling.joints
-            for joint in coupling.joints:
+        for first, second in (coupling.joints for coupling in self.robot.couplings):
+            for joint in (first, second):
                 if joint not in self.robot.joints:
                     raise ValueError(f"robot.couplings names {joint}, not in robot.joints")
             if first == second:
@@ -394,9 +392,7 @@ class Configuration(Section):
 
     def _plant_step(self) -> None:
         step, period = self.simulated_robot.plant_step, self.controller.period
-        if step is None or period is None:
-            return
-        if not period / _MOST_STEPS <= step <= period:
+        if step and period and not period / _MOST_STEPS <= step <= period:
             raise ValueError(
                 f"simulated_robot.plant_step is {step:g} s: between controller.period, {period:g} "
                 f"s, and a {_MOST_STEPS}th of it is needed"

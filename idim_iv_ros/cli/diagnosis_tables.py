@@ -12,7 +12,7 @@ from idim_iv_ros.effects.cause import EffectParameter, surest
 from idim_iv_ros.errors import first_of
 from idim_iv_ros.report import gap_words
 from idim_iv_ros.report.advice import contrast_headline, diagnosis_headline, difference_rows
-from idim_iv_ros.report.numerals import MISSING, measured, number, plural, with_unit
+from idim_iv_ros.report.numerals import MISSING, number, plural, with_interval, with_unit
 
 _STYLES = {"good": "green", "fair": "blue", "bad": "red", "open": "yellow"}
 # Columns of the tables.
@@ -77,18 +77,18 @@ def _print_contrast(console: Console, result: GapResult, contrast: ContrastResul
             gap_words.effect_at(other.effect, None if other.joint == cause.joint else other.joint)
             for other in cause.indistinguishable_from
         ]
-        alike = "\n".join(others) or MISSING
-        rows.append((what, _parameters(cause.parameters), "\n".join(torques), alike))
+        numbers, alike = _parameters(cause.parameters), "\n".join(others) or MISSING
+        rows.append((what, numbers, "\n".join(torques), alike))
     if rows:
         print_table(console, "What changed, largest torque first", _CHANGES, rows)
 
 
 def _parameters(parameters: dict[str, EffectParameter]) -> str:
     """Return the best determined numbers with their names in gap.json, and how many are left."""
-    lines = []
-    for name, parameter in surest(parameters, _MOST_NUMBERS).items():
-        number = filter(None, (*measured(parameter.value, parameter.std), parameter.unit))
-        lines.append(f"{name.replace('_', ' ')} = {' '.join(number)}")
+    lines = [
+        f"{name.replace('_', ' ')} = {with_interval(by.value, by.std, by.unit)}"
+        for name, by in surest(parameters, _MOST_NUMBERS).items()
+    ]
     remaining = len(parameters) - len(lines)
     return "\n".join([*lines, f"and {remaining} more"] if remaining else lines)
 

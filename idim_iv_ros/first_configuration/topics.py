@@ -231,13 +231,12 @@ def choose_topics(
         reasons["reference"] = f"none of that name; {names}: positions too, if that is it"
     else:
         reasons["reference"] = "none in the bag: record it, it makes the instruments testable"
-        for topic in bags[0].topics:
-            if topic.asked:
-                positioned = ", ".join(sorted(topic.with_position())) or "none"
-                reasons["reference"] = (
-                    f"{topic.name} has what was asked of these joints only: {positioned}; the "
-                    "reference is read from one topic"
-                )
+        for topic in (topic for topic in bags[0].topics if topic.asked):
+            positioned = ", ".join(sorted(topic.with_position())) or "none"
+            reasons["reference"] = (
+                f"{topic.name} has what was asked of these joints only: {positioned}; the "
+                "reference is read from one topic"
+            )
     return sources, reasons
 
 
@@ -289,11 +288,9 @@ def choose_joints(
                 f"{name} is left out ({reason}) and the model locks it at {joint.rest:.3g}, but it "
                 f"was at {lowest:.3g}: record a motion of it as well"
             )
-    for topic in bags[0].topics:
-        if topic.name == states and not topic.asked:
-            left_out |= {
-                name: "not in the URDF" for name in topic.joints if name not in robot.joints
-            }
+    measured = [topic for topic in bags[0].topics if topic.name == states and not topic.asked]
+    unknown = [name for topic in measured for name in topic.joints if name not in robot.joints]
+    left_out |= dict.fromkeys(unknown, "not in the URDF")
     if not chosen:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise DataError(

@@ -266,7 +266,6 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     result, config, files = report.result, report.files.config, report.files
     bags = files.recordings(result.bags)
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
-    recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
         rest = export_options(result)
         what = "the causes and the other values into" if rest else "the causes into"
@@ -291,7 +290,7 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         others = files.recordings(apart)
         line = files.command("diagnose", *bags, "--against", *others, out="changes")
         steps.append(Step(f"See what changed in {', '.join(apart)}:", line))
-    return [*steps, recording]
+    return [*steps, _recording_step(result, files)]
 
 
 def _law(cause: Cause) -> str:
