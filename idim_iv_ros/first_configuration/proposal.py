@@ -4,6 +4,7 @@ import io
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -79,15 +80,13 @@ class DriverPreset:
 
 def driver_files() -> dict[str, Path]:
     """Files of the drivers that come with this program, by name."""
-    files: dict[str, Path] = {}
     for parent in Path(__file__).resolve().parents:
-        # In a checkout; installed by pip or colcon.
-        for folder in (parent / "config", parent / "share" / "idim_iv_ros" / "config"):
-            for path in sorted((folder / "drivers").glob("*.yaml")):
-                files.setdefault(path.stem, path)
-        if files:
-            break
-    return files
+        # Installed by pip or colcon; in a checkout.
+        folders = (parent / "share" / "idim_iv_ros" / "config", parent / "config")
+        paths = [sorted((folder / "drivers").glob("*.yaml")) for folder in folders]
+        if any(paths):
+            return {path.stem: path for path in chain(*paths)}
+    return {}
 
 
 def read_driver(name: str) -> DriverPreset:
@@ -96,12 +95,10 @@ def read_driver(name: str) -> DriverPreset:
     Raises UsageError: there is none, or it holds what no configuration has.
     """
     shipped = driver_files()
-    path = shipped.get(name)
-    if path is None:
-        if not name.endswith((".yaml", ".yml")):
-            listed = ", ".join(shipped) or "none is installed"
-            raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
-        path = Path(name)
+    path = shipped.get(name, Path(name))
+    if name not in shipped and not name.endswith((".yaml", ".yml")):
+        listed = ", ".join(shipped) or "none is installed"
+        raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
     data = read_mapping(path)
     if "robot" in data:
         raise UsageError(f"{path}: a driver says nothing of the robot: leave the key robot out")

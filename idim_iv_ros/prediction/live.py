@@ -106,9 +106,7 @@ class SampleStream:
         self.restarted = ""
         if len(new) == 0:
             return
-        time, first, before = new.time, 0, self.reached
-        if len(self.samples):
-            time = np.concatenate([self.samples.time[-1:], time])
+        time, first, before = np.append(self.samples.time[-1:], new.time), 0, self.reached
         steps = np.diff(time) / _SECOND
         back = -max(_SET_BACK, _SET_BACK_INTERVALS * (self.interval or 0.0))
         breaks = np.flatnonzero((steps < back) | (steps > _LONGEST_PAUSE))
@@ -167,10 +165,10 @@ class SampleStream:
     @property
     def other_rate(self) -> float | None:
         """Return the rate of the recent samples, Hz, if it has changed; else None."""
-        if len(self.samples.slowest) < _RECENT or self.interval is None or self.rate is None:
+        interval = self.interval
+        if len(self.samples.slowest) < _RECENT or interval is None or self.rate is None:
             return None
-        same = 1.0 / _OTHER_RATE < self.interval * self.rate < _OTHER_RATE
-        return None if same else 1.0 / (self.interval or 1.0)
+        return None if 1.0 / _OTHER_RATE < interval * self.rate < _OTHER_RATE else 1.0 / interval
 
     @property
     def missing(self) -> BoolArray:

@@ -100,16 +100,16 @@ def headline(result: ServoResult) -> str:
 
 def _stiffness_words(result: ServoResult) -> str:
     """Return the least certain stiffness with its 95 % interval, to append to a sentence."""
-    widths = {
-        joint.joint: (number, (number.high - number.low) / number.value)
+    shown = {
+        joint.joint: number
         for joint in result.joints
         if (number := joint.number("stiffness")) is not None and number.shown
     }
-    if not widths:
+    if not shown:
         return ""
-    joint = max(widths, key=lambda name: widths[name][1])
-    number = widths[joint][0]
-    least = f" at {joint}, the least certain" if len(widths) > 1 else ""
+    widths = {name: (of.high - of.low) / of.value for name, of in shown.items()}
+    joint = max(widths, key=widths.__getitem__)
+    number, least = shown[joint], f" at {joint}, the least certain" if len(shown) > 1 else ""
     return (
         f": stiffness {number.value:.3g} ({number.low:.3g} to {number.high:.3g}, 95 %) "
         f"{number.unit}{least}"

@@ -128,15 +128,13 @@ def autocorrelation(series: FloatArray, segments: Sequence[slice], n_lags: int) 
     if len(series) == 0 or np.ptp(series) == 0.0:
         return np.append(1.0, np.zeros(n_lags))
     centred = series - series.mean()
-    segment_of = np.repeat(
-        np.arange(len(segments)), [segment.stop - segment.start for segment in segments]
-    )
-    correlation = np.ones(n_lags + 1)
+    lengths = [segment.stop - segment.start for segment in segments]
+    segment_of = np.repeat(np.arange(len(segments)), lengths)
+    products = [float(centred @ centred)]
     for lag in range(1, n_lags + 1):
         together = segment_of[lag:] == segment_of[:-lag]
-        correlation[lag] = np.sum(centred[lag:] * centred[:-lag] * together)
-    correlation[1:] /= float(centred @ centred)
-    return correlation
+        products.append(float(np.sum(centred[lag:] * centred[:-lag] * together)))
+    return np.array(products) / products[0]
 
 
 def ljung_box(

@@ -65,16 +65,10 @@ def judge_joint(
     if noise is not None and residual.relative_percent is not None:
         beyond = beyond_noise(residual.relative_percent, residual.rms, noise)
     rejecting = [test for test in (instruments, *specification) if test.accepted is False]
+    largest = max(map(_percent, rejecting), default=0.0)
+    joint, rejected = residual.joint, instruments.accepted is False
     verdict, sentence, note = _verdict_of(instruments, residual, specification, beyond)
-    return JointVerdict(
-        residual.joint,
-        verdict,
-        f"{residual.joint}: {sentence}",
-        note,
-        torque_percent=beyond,
-        rejected_percent=max(map(_percent, rejecting), default=0.0),
-        rejected=instruments.accepted is False,
-    )
+    return JointVerdict(joint, verdict, f"{joint}: {sentence}", note, beyond, largest, rejected)
 
 
 def _verdict_of(
