@@ -65,8 +65,7 @@ def idim_iv(
 
     Raises DataError: no source can make instruments, or there are too few rows.
     """
-    parameters = len(starts[0].values)
-    least_squares = solve_least_squares(rows, parameters)
+    least_squares = solve_least_squares(rows, len(starts[0].values))
     failures: list[str] = []
     for source in sources:
         for start in starts:

@@ -69,8 +69,7 @@ def solve_instrumental_variables(
     total = _number_of_rows(rows, parameters)
     _, projected, right = projected_on_instruments(rows, parameters, sigma)
     values = np.asarray(np.linalg.solve(projected, right), dtype=np.float64)
-    share = 1.0 - parameters / total
-    return _estimate(rows, values, _sigma(rows, values, share, total))
+    return _estimate(rows, values, _sigma(rows, values, 1.0 - parameters / total, total))
 
 
 def projected_on_instruments(

@@ -120,8 +120,7 @@ def read_contents(path: Path) -> BagContents:
             values = reader.finish().values
             columns = zip(reader.joints, values["position"].T, values["effort"].T, strict=True)
             joints = {name: _joint_contents(q, effort) for name, q, effort in columns}
-            asked = side == 1
-            contents.append(TopicContents(topic, count, duration, joints, 0, kind, asked))
+            contents.append(TopicContents(topic, count, duration, joints, 0, kind, side == 1))
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
     # The global description, or that of the one namespace that has any.
@@ -318,8 +317,7 @@ def _why_not(
         return "its effort is empty or zero"
     moved = max(seen.range for seen in position if seen is not None)
     if moved < _STILL[joint.type]:
-        unit = unit_at("rad", joint.type)
-        return f"it stands still: it moves over {moved:.1g} {unit}"
+        return f"it stands still: it moves over {moved:.1g} {unit_at('rad', joint.type)}"
     return ""
 
 

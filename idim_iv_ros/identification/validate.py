@@ -87,8 +87,7 @@ def validate(
     source, rows, instruments, note = _tested(prepared, observed, estimate)
     noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
     observed_alone = [joint.with_instruments(None) for joint in observed]
-    covariance = white_covariance(observed_alone, noise, len(values))
-    errors = source.prediction_errors(values, covariance)
+    errors = source.prediction_errors(values, white_covariance(observed_alone, noise, len(values)))
     candidates = functions_of_motion(source.motions, instruments, prepared.model.robot.joint_types)
     return Validation(
         _together(wald_test_of_instruments(rows, values, errors), alpha),

@@ -196,12 +196,11 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     colour = BADGES[result.verdict.verdict][0]
     wrong = [one.joint for one in result.residuals if BADGES[one.verdict][0] == "bad"]
     where = first_of(wrong, 3) or "several joints together"
-    level = percent(100.0 * result.instruments.alpha)
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
         "bad": f"Do not rely on all parameters: the model is misspecified at {where} "
-        f"(tested at {level}).",
+        f"(tested at {percent(100.0 * result.instruments.alpha)}).",
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
     }[colour]

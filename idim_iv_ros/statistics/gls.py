@@ -87,9 +87,7 @@ def _restored(
 ) -> FloatArray:
     """The residual, and columns of the energy that estimating δ took out of it, (r, 1 + rank)."""
     residual = (target - regressors @ fit.coefficients)[:, None]
-    if ample:
-        return residual
-    return np.hstack([residual, regressors @ fit.covariance_root])
+    return residual if ample else np.hstack([residual, regressors @ fit.covariance_root])
 
 
 def _generalised_least_squares(

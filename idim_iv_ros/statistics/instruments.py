@@ -141,8 +141,7 @@ def _satterthwaite_f_test(
     freedom = max(1, round(mean**2 / spread_of_energy))
     # Scaled to a sum of `freedom` squares of the noise's variance.
     scaled = float(projection @ projection) * variance * freedom / mean
-    sums = (scaled, freedom), (unexplained, dof)
-    return f_test(VALID, scope, *sums, torque_percent, deviation)
+    return f_test(VALID, scope, (scaled, freedom), (unexplained, dof), torque_percent, deviation)
 
 
 def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
@@ -237,5 +236,4 @@ def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> Hypothesis
     if unexplained <= np.finfo(float).eps * float(torque @ torque):
         return HypothesisTest.not_run(EXOGENOUS, scope, "the residual vanishes")
     gained = augmented.vectors.T @ restricted
-    explained = float(gained @ gained), augmented.rank
-    return f_test(EXOGENOUS, scope, explained, (unexplained, dof))
+    return f_test(EXOGENOUS, scope, (float(gained @ gained), augmented.rank), (unexplained, dof))

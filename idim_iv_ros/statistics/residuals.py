@@ -232,9 +232,7 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
     for lag in range(1, lags + 1):
         weight = 1.0 - lag / (lags + 1.0)
         variance += 2.0 * weight * float(sums[lag:] @ sums[:-lag])
-    if variance <= 0.0:
-        return 1.0
-    return float(min(1.0, 2.0 * mean**2 * len(square) / variance))
+    return float(min(1.0, 2.0 * mean**2 * len(square) / variance)) if variance > 0.0 else 1.0
 
 
 def largest_share(

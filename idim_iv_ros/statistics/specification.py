@@ -125,8 +125,7 @@ def _test(
     noise = unexplained / dof * float(np.linalg.norm(beyond @ added.inverse_root(width))) ** 2
     torque = float(rows.torque @ rows.torque)
     percent = 100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque))
-    sums = (float(gained @ gained), added.rank), (unexplained, dof)
-    return f_test(null, scope, *sums, percent)
+    return f_test(null, scope, (float(gained @ gained), added.rank), (unexplained, dof), percent)
 
 
 def _directions(instruments: FloatArray, functions: FloatArray) -> tuple[FloatArray, int]:
