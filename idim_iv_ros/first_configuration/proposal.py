@@ -62,9 +62,8 @@ class DriverPreset:
         """
         sources, reasons = {}, {}
         # Of topics that every bag has.
-        names = set.intersection(
-            *({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags)
-        )
+        listed = [{*bag.unreadable, *(topic.name for topic in bag.topics)} for bag in bags]
+        names = set.intersection(*listed)
         for key in SOURCES:
             source = self.keys.get("signals", {}).get(key)
             if source is None:
@@ -176,10 +175,9 @@ def propose_configuration(
         named, missing = preset.sources(contents) if preset is not None else ({}, {})
         states, effort = choose_states(contents, topic_of(named.get("joint_states", "")))
         servo = effort is None and not states.with_effort()
-        efforts = topic_of(named.get("effort", "")) or (effort or states).name
-        joints, left_out, warnings = choose_joints(
-            text, source, contents, states.name, None if servo else efforts
-        )
+        where = topic_of(named.get("effort", "")) or (effort or states).name
+        efforts = None if servo else where
+        joints, left_out, warnings = choose_joints(text, source, contents, states.name, efforts)
         topics, why = choose_topics(contents, joints, states, effort)
         sources = {**topics, **named}  # those of the driver where it names them
         reasons = {("signals", key): reason for key, reason in why.items()}
@@ -192,9 +190,8 @@ def propose_configuration(
         else:
             watch.stage("reading", 0.3)
             robot = {} if urdf is None else {description_key(Path(urdf)): Path(urdf)}
-            configuration = Configuration.model_validate(
-                {"robot": {**robot, **values["robot"]}, "signals": sources}
-            )
+            given = {"robot": {**robot, **values["robot"]}, "signals": sources}
+            configuration = Configuration.model_validate(given)
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)

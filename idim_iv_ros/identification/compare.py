@@ -51,9 +51,7 @@ class ParameterComparison:
     @property
     def sentence(self) -> str:
         """Whether the parameters of two results differ, and which, in a sentence."""
-        differing = [
-            f"{pair.words} ({abs(pair.deviations):.2g} σ)" for pair in self.pairs if pair.differs
-        ]
+        differing = [f"{p.words} ({abs(p.deviations):.2g} σ)" for p in self.pairs if p.differs]
         count, level = len(self.pairs), f"{100.0 * _LEVEL:g} %"
         if not differing:
             return (
@@ -91,9 +89,7 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    estimates, others = (
-        {name: (of[name].value, of[name].std) for name in shared} for of in (before, now)
-    )
+    estimates, others = ({k: (of[k].value, of[k].std) for k in shared} for of in (before, now))
     drifts = drifts_of(estimates, others, _LEVEL)
     pairs = []
     for drift in drifts:

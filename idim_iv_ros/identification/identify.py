@@ -135,17 +135,16 @@ def identified(
     watch.stage("filtering", 0.3)
     prepared = prepare(recordings, configuration)
     watch.stage("regressor", 0.4)
-    rows = observation_rows(prepared.model, prepared.motions)
+    model, motions = prepared.model, prepared.motions
+    rows = observation_rows(model, motions)
     require_excitation(prepared, rows)
     watch.stage("estimation", 0.5)
-    parameters = len(prepared.model.base.columns)
+    parameters = len(model.base.columns)
     estimate, sources = None, None
     if estimator == "idim-ls":
         linear = weighted = solve_least_squares(rows, parameters)
     else:
-        sources = instrument_sources(
-            configuration, prepared.model, prepared.motions, prepared.cutoffs
-        )
+        sources = instrument_sources(configuration, model, motions, prepared.cutoffs)
         estimate = idim_iv(
             rows,
             sources.sources,

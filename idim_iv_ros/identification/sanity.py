@@ -254,9 +254,8 @@ class _Signals:
         self, model: InverseModel, motions: Sequence[Motion], joint: int, effort_unit: str
     ) -> None:
         self.robot, self.joint = model.robot, joint
-        self.angle, self.torque = (
-            unit_at(unit, model.robot.joint_types[joint]) for unit in ("rad", "N m")
-        )
+        kind = model.robot.joint_types[joint]
+        self.angle, self.torque = unit_at("rad", kind), unit_at("N m", kind)
         self.in_newton_metres = effort_unit == "N m" and model.robot.has_inertials
         positions = [motion.position[motion.span, joint] for motion in motions]
         rates = [motion.signals.rate for motion in motions]

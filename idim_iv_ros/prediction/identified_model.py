@@ -177,9 +177,8 @@ def joint_levels(
     rates = sorted({bag.rate for bag in result.bags})
     other_rate = rates and not any(1.0 / _SAME_RATE < rate / r < _SAME_RATE for r in rates)
     levels = []
-    for place, (joint, residual) in enumerate(
-        zip(identified.joints, result.residuals, strict=True)
-    ):
+    pairs = zip(identified.joints, result.residuals, strict=True)
+    for place, (joint, residual) in enumerate(pairs):
         newest = np.flatnonzero(rows.counts[:, place])[-round(LEVEL_SECONDS * rows.rate) :]
         count, variance = len(newest), float(rows.variance[newest, place].sum())
         energy = float(np.sum(rows.residual[newest, place] ** 2))

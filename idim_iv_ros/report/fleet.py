@@ -239,9 +239,7 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
 def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
     """Return plotly shapes of the intervals of next robot and mean, at a height."""
     intervals = (quantity.next_low, quantity.next_high), (quantity.mean_low, quantity.mean_high)
-    following, mean = (
-        [_deviations(quantity, unit, end) for end in interval] for interval in intervals
-    )
+    following, mean = ([_deviations(quantity, unit, end) for end in ends] for ends in intervals)
     shapes = []
     if all(map(math.isfinite, following)):
         shapes.append(band(_inside(following), (height - 0.36, height + 0.36)))

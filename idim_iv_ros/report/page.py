@@ -67,12 +67,11 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     A section that fails is replaced by one line, with a `ReportWarning`. `files` are the paths in
     the commands on the page.
     """
-    what = f"{result.estimator.upper()} identification of {plural(len(result.joints), 'joint')}"
+    estimator, joints = result.estimator.upper(), plural(len(result.joints), "joint")
     seconds = with_unit(sum(bag.duration for bag in result.bags), "s")
+    of = f"{estimator} identification of {joints} from {seconds} of recording"
     sections = _sections(Report(result, files), IDENTIFICATION)
-    return page_html(
-        result.robot, "dynamic parameters", f"{what} from {seconds} of recording", sections
-    )
+    return page_html(result.robot, "dynamic parameters", of, sections)
 
 
 def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:

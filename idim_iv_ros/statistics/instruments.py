@@ -160,9 +160,8 @@ def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
     if basis.rank == 0 or len(seen) == 0 or dof <= 0:
         return None
     regressor, kept = regressor[:, seen], basis.kept
-    to_unit = np.linalg.norm(instruments[:, kept], axis=0)[:, None] / np.linalg.norm(
-        regressor, axis=0
-    )
+    sizes = np.linalg.norm(instruments[:, kept], axis=0)
+    to_unit = sizes[:, None] / np.linalg.norm(regressor, axis=0)
     difference = basis.solve(regressor - instruments[:, seen], width)[kept]
     spread_of_row = np.linalg.norm(np.linalg.inv(basis.upper), axis=1)
     noise = np.linalg.norm(basis.remove(regressor), axis=0) / np.sqrt(dof)

@@ -94,9 +94,8 @@ def diagnose_residual(
     n_lags = max(0, min(model.order + _EXTRA_LAGS, count // 5))
     understatement = _sigma_understatement(model, rows)
     whiteness = ljung_box(residual, rows.segments, WHITE, rows.name, n_lags, alpha=alpha)
-    harmless = (
-        model.predictable_share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
-    )
+    share = model.predictable_share
+    harmless = share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
     skewness, kurtosis, normality = _normality(whitened, rows.name, alpha)
     energy = float(rows.torque @ rows.torque)
     acf_whitened = autocorrelation(whitened, rows.segments, n_lags)
@@ -106,7 +105,7 @@ def diagnose_residual(
         relative_percent=100.0 * float(np.sqrt(residual @ residual / energy)) if energy else None,
         ar_order=model.order,
         white=None if whiteness.accepted is None else whiteness.accepted or harmless,
-        predictable_share=model.predictable_share,
+        predictable_share=share,
         sigma_understatement=understatement,
         largest_correlation_after=float(np.abs(acf_whitened[1:]).max(initial=0.0)),
         skewness=skewness,

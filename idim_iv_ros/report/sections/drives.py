@@ -77,9 +77,8 @@ def friction_figure(result: GapResult, series: GapSeries) -> Figure:
         "yaxis": axis(f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=ends),
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
-    return Figure(
-        f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, axes
-    )
+    anchor = f"friction-{result.joints.index(series.joint)}"
+    return Figure(anchor, _FRICTION_HEIGHT, words, data, axes)
 
 
 def _curves(
