@@ -94,8 +94,7 @@ class SampleStream:
 
     def __init__(self, name: str, turning: Sequence[bool]) -> None:
         self.name, self._turning = name, np.array(turning, dtype=bool)
-        self._empty = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
-        self.samples = self._empty
+        self.samples = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
         self.restarted = ""  # why the last `add` dropped older samples: a pause, a clock
         self.late = 0  # samples left out because their stamps do not increase
         self.arrived = 0  # time of the last change of `reached`, ns
@@ -141,7 +140,7 @@ class SampleStream:
 
     def clear(self) -> None:
         """Drop all samples."""
-        self.samples = self._empty
+        self.samples = self.samples.part(slice(0))
 
     @property
     def interval(self) -> float | None:

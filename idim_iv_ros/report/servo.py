@@ -100,11 +100,8 @@ def headline(result: ServoResult) -> str:
 
 def _stiffness_words(result: ServoResult) -> str:
     """Return the least certain stiffness with its 95 % interval, to append to a sentence."""
-    shown = {
-        joint.joint: number
-        for joint in result.joints
-        if (number := joint.number("stiffness")) is not None and number.shown
-    }
+    numbers = {joint.joint: joint.number("stiffness") for joint in result.joints}
+    shown = {name: of for name, of in numbers.items() if of is not None and of.shown}
     if not shown:
         return ""
     widths = {name: (of.high - of.low) / of.value for name, of in shown.items()}

@@ -98,12 +98,10 @@ def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
         found = [
             (p.name, p.expression, p.given_value, p.value, p.std, p.unit) for p in result.parameters
         ]
-    rows = [
-        ChangedValue(
-            name, *_place(name, expression, result.joints, nominal), before, new, std, unit
-        )
-        for name, expression, before, new, std, unit in found
-    ]
+    rows = []
+    for name, expression, before, new, std, unit in found:
+        words, key = _place(name, expression, result.joints, nominal)
+        rows.append(ChangedValue(name, words, key, before, new, std, unit))
     return sorted(rows, key=lambda row: not row.key)
 
 
