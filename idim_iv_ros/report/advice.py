@@ -212,8 +212,10 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     if not sizes or colour == "bad":
         return said
     half = percent(INTERVAL * float(np.median(sizes)))
-    known = f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %)."
-    return *said, known
+    precision = (
+        f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %)."
+    )
+    return *said, half_of
 
 
 def _has_reference(result: IdentificationResult) -> bool:

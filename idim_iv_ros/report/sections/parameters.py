@@ -81,7 +81,7 @@ class ChangedValue:
 
 def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
     """Return all base parameters, those with an element or a key first, in order of joints."""
-    found: list[tuple[str, str, float | None, float, float | None, str]]
+    numbers: list[tuple[str, str, float | None, float, float | None, str]]
     if isinstance(result, GapResult):
         expressions: dict[str, str] = {}
         given: dict[str, float] = {}
@@ -90,16 +90,16 @@ def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
             expressions = dict(zip(base.names, base.expressions, strict=True))
             if any(stage.name == "given" for stage in result.stages):
                 given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
-        found = [
+        numbers = [
             (name, expressions.get(name, ""), given.get(name), by.value, by.std, by.unit)
             for name, by in result.extended_parameters.items()
         ]
     else:
-        found = [
+        numbers = [
             (p.name, p.expression, p.given_value, p.value, p.std, p.unit) for p in result.parameters
         ]
     rows = []
-    for name, expression, before, new, std, unit in found:
+    for name, expression, before, new, std, unit in numbers:
         words, key = _place(name, expression, result.joints, nominal)
         rows.append(ChangedValue(name, words, key, before, new, std, unit))
     return sorted(rows, key=lambda row: not row.key)
