@@ -212,10 +212,10 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     if not sizes or colour == "bad":
         return said
     half = percent(INTERVAL * float(np.median(sizes)))
-    precision = (
+    known_well = (
         f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %)."
     )
-    return *said, half_of
+    return *said, known_well
 
 
 def _has_reference(result: IdentificationResult) -> bool:
