@@ -68,7 +68,7 @@ YamlPath = Annotated[Path, Field(strict=False)]
 Vector = list[Number]
 Matrix = list[list[Number]]
 Levels = list[NotNegative]
-PositiveValues = list[Positive]
+Positives = list[Positive]
 
 
 def key(meaning: str, without: str = "", example: Any = None, *, default: Any = None) -> Any:
@@ -185,21 +185,17 @@ class ControllerSection(Section):
     type: Literal["pd", "cascade", "unknown"] = key(
         "pd, cascade or unknown (fitted from each recording)", default="unknown"
     )
-    kp: PositiveValues | None = key(
-        "N m/rad (cascade: 1/s), on the position error", "none", [100.0]
-    )
+    kp: Positives | None = key("N m/rad (cascade: 1/s), on the position error", "none", [100.0])
     kd: Levels | None = key("N m s/rad, on the velocity error (pd)", "none", [10.0])
     ki: Levels | None = key("N m/(rad s), on the integral of the position error (pd)", "0", [0.0])
-    kv: PositiveValues | None = key("N m s/rad, of the velocity loop (cascade)", "none", [10.0])
-    drive_gain: PositiveValues | None = key(
+    kv: Positives | None = key("N m s/rad, of the velocity loop (cascade)", "none", [10.0])
+    drive_gain: Positives | None = key(
         "N m per unit of the velocity loop's output (cascade)", "1", [1.0]
     )
     velocity_reference: bool = key(
         "false: kd acts on the measured velocity alone", "true", default=True
     )
-    torque_limit: PositiveValues | None = key(
-        "N m (N), where the controller clips", "none", [100.0]
-    )
+    torque_limit: Positives | None = key("N m (N), where the controller clips", "none", [100.0])
     period: Period | None = key("s, of the controller", "the sampling interval", 0.001)
     delay: Delay = key("s, from the command to the torque", default=0.0)
 
@@ -365,9 +361,8 @@ class Configuration(Section):
         n = len(self.robot.joints)
         if len(set(self.robot.joints)) != n:
             raise ValueError("robot.joints names a joint twice")
-        sections = {key: section for key, section in self if isinstance(section, Section)}
-        for key, section in sections.items():
-            for name, values in section:
+        for key, section in self:
+            for name, values in section if isinstance(section, Section) else ():
                 if not isinstance(values, list) or name in _OF_ANY_LENGTH:
                     continue
                 if name.startswith("motor_to_joint"):
@@ -381,9 +376,8 @@ class Configuration(Section):
 
     def _couplings(self) -> None:
         motors: set[str] = set()
-        for coupling in self.robot.couplings:
-            first, second = coupling.joints
-            for joint in coupling.joints:
+        for first, second in (coupling.joints for coupling in self.robot.couplings):
+            for joint in (first, second):
                 if joint not in self.robot.joints:
                     raise ValueError(f"robot.couplings names {joint}, not in robot.joints")
             if first == second:
@@ -394,9 +388,7 @@ class Configuration(Section):
 
     def _plant_step(self) -> None:
         step, period = self.simulated_robot.plant_step, self.controller.period
-        if step is None or period is None:
-            return
-        if not period / _MOST_STEPS <= step <= period:
+        if step and period and not period / _MOST_STEPS <= step <= period:
             raise ValueError(
                 f"simulated_robot.plant_step is {step:g} s: between controller.period, {period:g} "
                 f"s, and a {_MOST_STEPS}th of it is needed"

@@ -37,7 +37,6 @@ def read_mapping(path: Path) -> dict[Any, Any]:
 
 def _require_flat(path: Path, text: str) -> None:
     """Refuse deep nesting, references within references, and characters that are no text."""
-    depth = 0
     anchored: list[bool] = []  # of each open collection, whether it or one around it is anchored
     for event in YAML(typ="safe", pure=True).parse(text):
         where = f"{path}, line {event.start_mark.line + 1}"
@@ -48,12 +47,10 @@ def _require_flat(path: Path, text: str) -> None:
                 words = f"{shortened(ascii(event.value))} is not text in UTF-8"
                 raise UsageError(f"{where}: {words}") from error
         elif isinstance(event, CollectionStartEvent):
-            depth += 1
             anchored.append(event.anchor is not None or (bool(anchored) and anchored[-1]))
-            if depth > _DEEPEST:
+            if len(anchored) > _DEEPEST:
                 raise UsageError(f"{where}: nested more than {_DEEPEST} deep: not a configuration")
         elif isinstance(event, CollectionEndEvent):
-            depth -= 1
             anchored.pop()
         elif isinstance(event, AliasEvent) and anchored and anchored[-1]:
             raise UsageError(f"{where}: an alias within an anchor is not allowed")

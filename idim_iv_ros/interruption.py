@@ -96,6 +96,5 @@ def _leave(number: int) -> None:
     # On a terminal a progress bar may be there: its line is cleared and the cursor shown again.
     clear = b"\r\x1b[2K\x1b[?25h" if sys.__stderr__ and sys.__stderr__.isatty() else b""
     with suppress(OSError):
-        words = SIGNALS[signal.Signals(number)]
-        os.write(2, clear + f"idim-iv: {words}{said}\n".encode())
+        os.write(2, clear + f"idim-iv: {SIGNALS[signal.Signals(number)]}{said}\n".encode())
     os._exit(128 + number)

@@ -85,16 +85,9 @@ def excite_command(
     import numpy as np
 
     from idim_iv_ros.configuration import load_configuration
+    from idim_iv_ros.excitation import excite as motions
     from idim_iv_ros.excitation.design import DesignSettings
     from idim_iv_ros.excitation.diagnosis import design_diagnosis
-    from idim_iv_ros.excitation.excite import (
-        diagnosis_document,
-        excite,
-        load_model,
-        require_place,
-        servo_motion,
-        write_motion,
-    )
     from idim_iv_ros.excitation.limits import motion_limits
 
     for other, names in _OPTIONS_OF.items():
@@ -105,34 +98,34 @@ def excite_command(
             raise UsageError(f"{option} belongs to --for {other}, and this is --for {purpose}")
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
-    model = load_model(configuration)
+    model = motions.load_model(configuration)
     most = None if acceleration is None else shared.numbers("--acceleration", acceleration)
     limits = motion_limits(model, configuration, margin=margin, acceleration=most, floor=floor)
     posture = None if start is None else np.array(shared.numbers("--start", start))
     output.warn(model.robot.doubts)
-    require_place(out, force=force)
+    motions.require_place(out, force=force)
     with output.progress() as progress:
         if purpose == "diagnosis":
             how: dict[str, Any] = {"duration": duration, "rate": rate, "start": posture}
             how |= {"seed": seed, "progress": progress}
             diagnosis = design_diagnosis(model, limits, configuration, **how)
             trajectory, fastest = diagnosis.trajectory, diagnosis.highest_frequency
-            document = diagnosis_document(model.robot.name, limits, diagnosis, seed)
+            document = motions.diagnosis_document(model.robot.name, limits, diagnosis, seed)
         elif purpose == "servo":
-            trajectory, fastest, document = servo_motion(
+            trajectory, fastest, document = motions.servo_motion(
                 configuration, limits, rate=rate, seed=seed
             )
         else:
             settings = DesignSettings(
                 period, repeats, rate, harmonics, seed, time_limit, posture, criterion
             )
-            excitation = excite(
+            excitation = motions.excite(
                 model, limits, settings, torque_noise=torque_noise, progress=progress
             )
             trajectory, fastest = excitation.design.trajectory, harmonics / period
             document = dict(excitation.document)
         points = min(rate, max(_LEAST_MESSAGE_RATES[purpose], _POINTS_PER_PERIOD * fastest))
-        paths = write_motion(out, trajectory, document, message_rate=points, force=force)
+        paths = motions.write_motion(out, trajectory, document, message_rate=points, force=force)
     output.document(document)
     if purpose == "diagnosis":
         _print_segments(output.console, model, limits, diagnosis)

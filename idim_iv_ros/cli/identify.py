@@ -109,6 +109,7 @@ def identify_command(
     output = Output(quiet=quiet, as_json=as_json)
     with output.progress():  # while the libraries are loaded
         from idim_iv_ros.identification.identify import identify
+        from idim_iv_ros.identification.prepare import loss_sentences
     result, numbers, page = output.produce(
         identify, bags, config, RESULT, out, force=force, estimator=estimator
     )
@@ -117,10 +118,7 @@ def identify_command(
     output.warn(result.doubts)
     for advice in result.processing.advice:
         output.line(f"Advice: {advice}")
-    for bag in result.bags:
-        sentences = [note.sentence for note in bag.notes if note.limits]
-        sentences += [channel.sentence for channel in bag.frozen]
-        output.warn(f"{Path(bag.path).name}: {sentence}" for sentence in sentences)
+    output.warn(loss_sentences(result.bags))
     if result.verdict.verdict == "misspecified":
         output.line(f"Next: {next_command('diagnose', bags, config, '--out', 'why')}")
     print_physical(output, result, numbers, config)
@@ -155,14 +153,10 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
             percent = 100.0 * std / abs(value)
             cells = (f"{value:.4g}", f"{std:.2g}", f"{percent:.2g}", parameter.unit)
             rows.append((percent, (parameter.name, *cells, parameter.essential_remark)))
-    print_table(
-        console,
-        f"{result.robot}: essential parameters, {result.estimator}, best determined first",
-        ("parameter", ">value", ">σ", ">%σ", "unit", "remark"),
-        [cells for _, cells in sorted(rows)],
-        most=LONGEST,
-        rest="the report has them",
-    )
+    title = f"{result.robot}: essential parameters, {result.estimator}, best determined first"
+    columns = ("parameter", ">value", ">σ", ">%σ", "unit", "remark")
+    ordered = [cells for _, cells in sorted(rows)]
+    print_table(console, title, columns, ordered, most=LONGEST, rest="the report has them")
     console.print(
         "A base parameter is what a motion can show: the parameter of its name (M mass, MX … first "
         "moments, XX … inertias, Ia drive inertia, Fv viscous and Fc Coulomb friction, off "
@@ -175,20 +169,19 @@ def print_parameters(console: Console, result: IdentificationResult) -> None:
 def print_verdict(console: Console, result: IdentificationResult) -> None:
     """Print verdict, fit, source of the instruments, and parameters that were left out."""
     fit = result.fit
-    lines = [
-        f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
-        f"relative error {fit.relative_error_percent:.3g} % on {fit.samples} rows; "
-        f"{plural(result.iterations, 'iteration')}, {'' if result.converged else 'NOT '}converged"
-    ]
-    percents = [
+    percents = ", ".join(
         f"{joint} {'–' if error is None else f'{error:.3g} %'}"
         for joint, error in fit.joint_relative_error_percent.items()
-    ]
-    if percents:
-        lines.append(f"Relative error of the torque by joint: {', '.join(percents)}")
-    lines.append(f"Instruments: {result.instruments.source}")
-    lines.append(f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}")
-    for line in lines:
+    )
+    lines = (
+        f"{fit.essential_parameters} of {fit.base_parameters} base parameters are essential; "
+        f"relative error {fit.relative_error_percent:.3g} % on {fit.samples} rows; "
+        f"{plural(result.iterations, 'iteration')}, {'' if result.converged else 'NOT '}converged",
+        percents and f"Relative error of the torque by joint: {percents}",
+        f"Instruments: {result.instruments.source}",
+        f"Verdict: {result.verdict.verdict}. {result.verdict.sentence}",
+    )
+    for line in filter(None, lines):
         console.print(Text(line))
 
 
@@ -224,14 +217,7 @@ def servo_command(
     settings = None if gains is None else shared.numbers("--gains", gains)
     if settings is not None and not all(setting > 0.0 for setting in settings):
         raise UsageError(f"--gains {gains}: gains are above zero")
-    from idim_iv_ros.report.servo import (
-        SUMMARY_COLUMNS,
-        error_rows,
-        gain_rows,
-        headline,
-        number_rows,
-        summary_rows,
-    )
+    from idim_iv_ros.report import servo as servos
     from idim_iv_ros.servo.actuators import require_servo_files, write_servo_files
     from idim_iv_ros.servo.identify import identify_servos
 
@@ -242,22 +228,22 @@ def servo_command(
         identify_servos, bags, config, SERVO, out, force=force, **options
     )
     console, absolute = output.console, any(joint.absolute for joint in result.joints)
-    columns = ("joint", *(f">{heading}" for heading in SUMMARY_COLUMNS[1:]))
+    columns = ("joint", *(f">{heading}" for heading in servos.SUMMARY_COLUMNS[1:]))
     title = "Servos (± half of the 95 % interval)"
-    print_table(console, title, columns, summary_rows(result))
+    print_table(console, title, columns, servos.summary_rows(result))
     if not absolute:
         for joint in result.joints:
-            rows = number_rows((*joint.numbers, *joint.ratios))
+            rows = servos.number_rows((*joint.numbers, *joint.ratios))
             print_table(console, joint.joint, ("", ">value", ">95 % interval"), rows)
     for joint in result.joints:
         if joint.reason:
             console.print(f"{joint.joint}: {joint.reason}")
     heads = ("joint", ">perfect tracking", ">simulated servo", ">half not fitted", ">encoder step")
-    print_table(console, "Position, rms in mrad", heads, error_rows(result))
+    print_table(console, "Position, rms in mrad", heads, servos.error_rows(result))
     if result.gains:
         columns = ("recording", "joint", ">given", ">estimated", ">95 % interval", "")
-        print_table(console, "Gains", columns, gain_rows(result))
-    console.print(headline(result))
+        print_table(console, "Gains", columns, servos.gain_rows(result))
+    console.print(servos.headline(result))
     output.warn(result.warnings)
     if out is not None and absolute:
         for path in write_servo_files(result, load_configuration(config), bags, out):

@@ -74,8 +74,7 @@ def simulate_command(
     written = [bag.to_document() for bag in bags]
     output.document({"format": SIMULATION_FORMAT, "bags": written, "truth": str(truth)})
     if (urdf := configuration.robot.description) is not None:
-        robot = configured_robot(configuration, read_urdf_file(urdf), urdf.name)
-        output.warn(robot.doubts)
+        output.warn(configured_robot(configuration, read_urdf_file(urdf), urdf.name).doubts)
     torques = np.max([bag.peak_torque for bag in bags], axis=0)
     errors = 1e3 * np.max([bag.peak_error for bag in bags], axis=0)
     joints = zip(configuration.robot.joints, bags[0].joint_types, torques, errors, strict=True)

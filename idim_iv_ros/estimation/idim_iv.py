@@ -65,8 +65,7 @@ def idim_iv(
 
     Raises DataError: no source can make instruments, or there are too few rows.
     """
-    parameters = len(starts[0].values)
-    least_squares = solve_least_squares(rows, parameters)
+    least_squares = solve_least_squares(rows, len(starts[0].values))
     failures: list[str] = []
     for source in sources:
         for start in starts:
@@ -92,31 +91,23 @@ class _Iteration:
     progress: Callable[[str, float], None] | None
 
     def run(self, failures: Sequence[str]) -> IdimIvEstimate:
-        sigma, values = self.least_squares.sigma, self.start.values
+        values = self.start.values
         if self.start.spread is None:
             instruments = self.source.instruments(values, self.least_squares.values)
         else:
             instruments = self._as_it_is_or_scaled(values)
-        linear = self._solve(instruments, sigma)
+        linear = self._solve(instruments, self.least_squares.sigma)
         steps: list[tuple[float, int]] = []
         converged = not self.source.iterative
-        while not converged and len(steps) + 1 < self.max_iterations:
+        while not converged and (done := len(steps) + 1) < self.max_iterations:
             if self.progress is not None:
-                done = len(steps) + 1
                 self.progress(f"IDIM-IV iteration {done + 1}", done / self.max_iterations)
             instruments = self._simulate(linear)
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
             converged = steps[-1][0] <= self.tolerance
-        return IdimIvEstimate(
-            linear,
-            self.least_squares,
-            self.source,
-            instruments,
-            tuple(steps),
-            converged,
-            tuple(failures),
-        )
+        made = linear, self.least_squares, self.source, instruments
+        return IdimIvEstimate(*made, tuple(steps), converged, tuple(failures))
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.

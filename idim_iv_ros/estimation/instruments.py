@@ -62,10 +62,8 @@ def _instruments(
     model: InverseModel, motions: Sequence[Motion], positions: Sequence[FloatArray], note: str = ""
 ) -> Instruments:
     """Instruments from filtered positions (n_samples, n_joints) of all motions."""
-    states = tuple(
-        partial(motion.derivatives_of, position)
-        for position, motion in zip(positions, motions, strict=True)
-    )
+    pairs = zip(positions, motions, strict=True)
+    states = tuple(partial(motion.derivatives_of, position) for position, motion in pairs)
     return Instruments(instrument_rows(model, motions, states), states, note)
 
 
@@ -135,11 +133,9 @@ class SimulatedLoop:
             nominal, *moved = pool.map(predictions, [values, *drawn])
         if nominal is None:
             return None
-        drawn_ones = [prediction for prediction in moved if prediction is not None]
+        usable = [prediction for prediction in moved if prediction is not None]
         return tuple(
-            np.array([prediction[k] - joint for prediction in drawn_ones])
-            .reshape(len(drawn_ones), len(joint))
-            .T
+            np.array([of[k] - joint for of in usable]).reshape(len(usable), len(joint)).T
             for k, joint in enumerate(nominal)
         )
 
@@ -152,12 +148,10 @@ class SimulatedLoop:
         return float(np.sqrt(np.max(squares, initial=0.0))) / (2.0 * np.pi)
 
     def _positions(self, values: FloatArray, scale: FloatArray) -> list[FloatArray]:
-        parameters = self.model.dynamic_parameters(values)
+        robot, parameters = self.model.robot, self.model.dynamic_parameters(values)
         positions = []
         for motion, law in zip(self.motions, self.laws, strict=True):
-            result = replay(
-                self.model.robot, parameters, law.scaled(scale), motion, accelerations=False
-            )
+            result = replay(robot, parameters, law.scaled(scale), motion, accelerations=False)
             if result.diverged is not None:
                 raise SourceFailure(f"{motion.signals.name}: {result.diverged}")
             positions.append(motion.filtered(result.position))
@@ -227,12 +221,11 @@ def _filtered_references(
     ]
     positions, missed, moved = zip(*filters, strict=True)
     errors, spreads = np.max(missed, axis=0), np.max(moved, axis=0)
+    parts = zip(robot.joints, robot.joint_types, errors, spreads, strict=True)
     joints = ", ".join(
         f"{name} {error:.2g} {'rad' if kind == 'revolute' else 'm'}"
         + (f" ({100.0 * error / spread:.2g} %)" if spread > 0.0 else "")
-        for name, kind, error, spread in zip(
-            robot.joints, robot.joint_types, errors, spreads, strict=True
-        )
+        for name, kind, error, spread in parts
     )
     return list(positions), (
         "reference through a fitted closed-loop filter, which misses the recorded motion where "
@@ -334,9 +327,8 @@ def _laws(
         law = control_law(section, len(joints))
         law = replace(law, period=control_period(section, (m.signals.rate for m in motions)))
         return tuple(law for _ in motions), (), [f"control law {section.type} as configured"]
-    fits = tuple(
-        fit_controller(motion.signals, torque_limit=section.torque_limit) for motion in motions
-    )
+    limit = section.torque_limit
+    fits = tuple(fit_controller(motion.signals, torque_limit=limit) for motion in motions)
     sentences = [
         f"{name}{f' in {motion.signals.name}' if len(motions) > 1 else ''}: {fit.describe(joint)}"
         for fit, motion in zip(fits, motions, strict=True)
@@ -351,7 +343,7 @@ def _laws(
         return None, fits, [*sentences, why]
     pairs = zip(fits, motions, strict=True)
     try:
-        laws = tuple(fit.law(motion.signals, section.torque_limit) for fit, motion in pairs)
+        laws = tuple(fit.law(motion.signals, limit) for fit, motion in pairs)
     except ValueError as error:
         why = f"the loop is not simulated with the fitted control law: {error}"
         return None, fits, [*sentences, why]

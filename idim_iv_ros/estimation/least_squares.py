@@ -69,8 +69,7 @@ def solve_instrumental_variables(
     total = _number_of_rows(rows, parameters)
     _, projected, right = projected_on_instruments(rows, parameters, sigma)
     values = np.asarray(np.linalg.solve(projected, right), dtype=np.float64)
-    share = 1.0 - parameters / total
-    return _estimate(rows, values, _sigma(rows, values, share, total))
+    return _estimate(rows, values, _sigma(rows, values, 1.0 - parameters / total, total))
 
 
 def projected_on_instruments(
@@ -80,12 +79,7 @@ def projected_on_instruments(
 
     Raises DataError: the instruments do not determine the parameters.
     """
-    parts, places = [], []
-    for joint, deviation in zip(rows, sigma, strict=True):
-        r = joint.reduced
-        parts.append(np.column_stack([r.instruments, r.matrix, r.torque]) / deviation)
-        places.append(np.concatenate([r.columns, r.columns + parameters, [2 * parameters]]))
-    factor = stacked_r_factor(parts, places, 2 * parameters + 1)
+    factor = stacked_with_instruments(rows, parameters, sigma)
     instruments = independent_basis(factor[:, :parameters])
     projected = instruments.vectors.T @ factor[:, parameters:-1]
     if independent_basis(projected).rank < parameters:
@@ -101,6 +95,16 @@ def stacked(
     if weights is not None:
         factors = [factor * weight for factor, weight in zip(factors, weights, strict=True)]
     return stacked_r_factor(factors, [joint.places for joint in rows], parameters + 1)
+
+
+def stacked_with_instruments(
+    rows: Sequence[JointRows], parameters: int, sigma: FloatArray
+) -> FloatArray:
+    """R factor (2b + 1 columns) of [Z X y] of all joints, joint j divided by `sigma[j]`."""
+    factors = [joint.instrumental_r_factor / s for joint, s in zip(rows, sigma, strict=True)]
+    columns = [joint.columns for joint in rows]
+    places = [np.concatenate([c, c + parameters, [2 * parameters]]) for c in columns]
+    return stacked_r_factor(factors, places, 2 * parameters + 1)
 
 
 def unseen_parameters(rows: Sequence[JointRows], parameters: int) -> list[int]:

@@ -127,6 +127,12 @@ class JointRows:
         reduced = rows.reduced
         return np.column_stack([reduced.matrix, reduced.torque])
 
+    @property
+    def instrumental_r_factor(self) -> FloatArray:
+        """Upper triangle R (≤ 2c + 1, 2c + 1) of the QR decomposition of [Z X y]."""
+        reduced = self.reduced
+        return np.column_stack([reduced.instruments, reduced.matrix, reduced.torque])
+
     def standardized_r_factor(self, noise: AutoregressiveModel) -> FloatArray:
         """R factor of [X y] whitened to unit variance."""
         # Contiguous columns: they are filtered one by one.

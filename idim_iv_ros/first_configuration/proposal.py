@@ -4,6 +4,7 @@ import io
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,6 @@ class DriverPreset:
     """Keys that the drivers of one kind of robot have in common."""
 
     name: str
-    path: Path
     # By section, as a configuration has them; sources of signals as text
     keys: Mapping[str, Mapping[str, Any]]
 
@@ -62,9 +62,8 @@ class DriverPreset:
         """
         sources, reasons = {}, {}
         # Of topics that every bag has.
-        names = set.intersection(
-            *({*bag.unreadable, *(t.name for t in bag.topics)} for bag in bags)
-        )
+        listed = [{*bag.unreadable, *(topic.name for topic in bag.topics)} for bag in bags]
+        names = set.intersection(*listed)
         for key in SOURCES:
             source = self.keys.get("signals", {}).get(key)
             if source is None:
@@ -80,15 +79,13 @@ class DriverPreset:
 
 def driver_files() -> dict[str, Path]:
     """Files of the drivers that come with this program, by name."""
-    files: dict[str, Path] = {}
     for parent in Path(__file__).resolve().parents:
-        # In a checkout; installed by pip or colcon.
-        for folder in (parent / "config", parent / "share" / "idim_iv_ros" / "config"):
-            for path in sorted((folder / "drivers").glob("*.yaml")):
-                files.setdefault(path.stem, path)
-        if files:
-            break
-    return files
+        # Installed by pip or colcon; in a checkout.
+        folders = (parent / "share" / "idim_iv_ros" / "config", parent / "config")
+        paths = [sorted((folder / "drivers").glob("*.yaml")) for folder in folders]
+        if any(paths):
+            return {path.stem: path for path in chain(*paths)}
+    return {}
 
 
 def read_driver(name: str) -> DriverPreset:
@@ -97,12 +94,10 @@ def read_driver(name: str) -> DriverPreset:
     Raises UsageError: there is none, or it holds what no configuration has.
     """
     shipped = driver_files()
-    path = shipped.get(name)
-    if path is None:
-        if not name.endswith((".yaml", ".yml")):
-            listed = ", ".join(shipped) or "none is installed"
-            raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
-        path = Path(name)
+    path = shipped.get(name, Path(name))
+    if name not in shipped and not name.endswith((".yaml", ".yml")):
+        listed = ", ".join(shipped) or "none is installed"
+        raise UsageError(f"no driver {name}: known are {listed}; or give a YAML file")
     data = read_mapping(path)
     if "robot" in data:
         raise UsageError(f"{path}: a driver says nothing of the robot: leave the key robot out")
@@ -112,7 +107,7 @@ def read_driver(name: str) -> DriverPreset:
     except ValidationError as error:
         raise UsageError(f"{path}: {first_problem(error)}") from error
     given = whole.model_dump(exclude_unset=True)
-    return DriverPreset(path.stem, path, {k: v for k, v in given.items() if k != "robot"})
+    return DriverPreset(path.stem, {k: v for k, v in given.items() if k != "robot"})
 
 
 _WIDTH = 10_000  # no value is broken over lines
@@ -180,17 +175,14 @@ def propose_configuration(
         named, missing = preset.sources(contents) if preset is not None else ({}, {})
         states, effort = choose_states(contents, topic_of(named.get("joint_states", "")))
         servo = effort is None and not states.with_effort()
-        efforts = topic_of(named.get("effort", "")) or (effort or states).name
-        joints, left_out, warnings = choose_joints(
-            text, source, contents, states.name, None if servo else efforts
-        )
+        where = topic_of(named.get("effort", "")) or (effort or states).name
+        efforts = None if servo else where
+        joints, left_out, warnings = choose_joints(text, source, contents, states.name, efforts)
         topics, why = choose_topics(contents, joints, states, effort)
         sources = {**topics, **named}  # those of the driver where it names them
         reasons = {("signals", key): reason for key, reason in why.items()}
-        values: dict[str, dict[str, object]] = {
-            "robot": {"joints": joints},
-            "signals": dict(sources),
-        }
+        values: dict[str, dict[str, object]] = {"robot": {"joints": joints}}
+        values["signals"] = dict(sources)
         limits: tuple[float, ...] = ()
         if servo:
             values["signals"]["effort"] = NO_EFFORT
@@ -198,9 +190,8 @@ def propose_configuration(
         else:
             watch.stage("reading", 0.3)
             robot = {} if urdf is None else {description_key(Path(urdf)): Path(urdf)}
-            configuration = Configuration.model_validate(
-                {"robot": {**robot, **values["robot"]}, "signals": sources}
-            )
+            given = {"robot": {**robot, **values["robot"]}, "signals": sources}
+            configuration = Configuration.model_validate(given)
             recordings = read_configured(paths, configuration)
             watch.stage("model and filters", 0.4)
             prepared = prepare(recordings, configuration)
@@ -251,12 +242,11 @@ def _merge(
                 values.setdefault(section, {})[key] = value
                 reasons[section, key] = f"driver {preset.name}"
     for key in named:
-        before = reasons.get(("signals", key), "")
-        chosen = key in values["signals"] and before and key != "reference"
-        reasons["signals", key] = f"driver {preset.name}" + (f"; {before}" if chosen else "")
+        before = "" if key == "reference" else reasons.get(("signals", key), "")
+        reasons["signals", key] = "; ".join(filter(None, (f"driver {preset.name}", before)))
     for key, reason in missing.items():
         before = reasons.get(("signals", key), "")
-        reasons["signals", key] = f"{before}; {reason}" if before else reason
+        reasons["signals", key] = "; ".join(filter(None, (before, reason)))
 
 
 _UNIT_WARNING = (

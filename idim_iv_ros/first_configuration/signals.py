@@ -73,8 +73,8 @@ def propose_law(motions: Sequence[Motion]) -> tuple[dict[str, object], str]:
         # T shows as kd off by kp T / 2.
         later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
         between = replace(signals, torque=0.5 * (signals.torque + later))
-        fits += [(fit_controller(signals, cutoff=cutoff), 0.0)]
-        fits += [(fit_controller(between, cutoff=cutoff), 0.5)]
+        pairs = ((signals, 0.0), (between, 0.5))
+        fits += [(fit_controller(of, cutoff=cutoff), later) for of, later in pairs]
     fit, half = max(fits, key=lambda pair: float(pair[0].r_squared.sum()))
     worst = float(fit.r_squared.min())
     if worst < _LEAST_R_SQUARED:

@@ -120,8 +120,7 @@ def read_contents(path: Path) -> BagContents:
             values = reader.finish().values
             columns = zip(reader.joints, values["position"].T, values["effort"].T, strict=True)
             joints = {name: _joint_contents(q, effort) for name, q, effort in columns}
-            asked = side == 1
-            contents.append(TopicContents(topic, count, duration, joints, 0, kind, asked))
+            contents.append(TopicContents(topic, count, duration, joints, 0, kind, side == 1))
     readable = {*kinds, *described}
     unreadable = {name: kind for name, kind in topics.items() if name not in readable}
     # The global description, or that of the one namespace that has any.
@@ -231,13 +230,12 @@ def choose_topics(
         reasons["reference"] = f"none of that name; {names}: positions too, if that is it"
     else:
         reasons["reference"] = "none in the bag: record it, it makes the instruments testable"
-        for topic in bags[0].topics:
-            if topic.asked:
-                positioned = ", ".join(sorted(topic.with_position())) or "none"
-                reasons["reference"] = (
-                    f"{topic.name} has what was asked of these joints only: {positioned}; the "
-                    "reference is read from one topic"
-                )
+        for topic in (topic for topic in bags[0].topics if topic.asked):
+            positioned = ", ".join(sorted(topic.with_position())) or "none"
+            reasons["reference"] = (
+                f"{topic.name} has what was asked of these joints only: {positioned}; the "
+                "reference is read from one topic"
+            )
     return sources, reasons
 
 
@@ -289,11 +287,9 @@ def choose_joints(
                 f"{name} is left out ({reason}) and the model locks it at {joint.rest:.3g}, but it "
                 f"was at {lowest:.3g}: record a motion of it as well"
             )
-    for topic in bags[0].topics:
-        if topic.name == states and not topic.asked:
-            left_out |= {
-                name: "not in the URDF" for name in topic.joints if name not in robot.joints
-            }
+    measured = [topic for topic in bags[0].topics if topic.name == states and not topic.asked]
+    unknown = [name for topic in measured for name in topic.joints if name not in robot.joints]
+    left_out |= dict.fromkeys(unknown, "not in the URDF")
     if not chosen:
         why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise DataError(
@@ -321,8 +317,7 @@ def _why_not(
         return "its effort is empty or zero"
     moved = max(seen.range for seen in position if seen is not None)
     if moved < _STILL[joint.type]:
-        unit = unit_at("rad", joint.type)
-        return f"it stands still: it moves over {moved:.1g} {unit}"
+        return f"it stands still: it moves over {moved:.1g} {unit_at('rad', joint.type)}"
     return ""
 
 

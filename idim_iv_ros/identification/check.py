@@ -209,11 +209,8 @@ def _joint_findings(prepared: PreparedRegression, joint: int, name: str) -> list
     acceleration = np.concatenate([acceleration[:, 0] for _, _, acceleration in states])
     fastest = float(np.abs(np.concatenate(speeds)).max())
     unit = unit_at("rad", prepared.model.robot.joint_types[joint])
-    threshold = max(
-        float(prepared.minimum_speed[joint]),
-        _MOVING * fastest,
-        _TIMES_NOISE * _noise(prepared, joint, order=1),
-    )
+    noise = _TIMES_NOISE * _noise(prepared, joint, order=1)
+    threshold = max(float(prepared.minimum_speed[joint]), _MOVING * fastest, noise)
     reversals = sum(count_reversals(speed, threshold) for speed in speeds)
     limited = []
     if np.ptp(position) < _LEAST_RANGE:

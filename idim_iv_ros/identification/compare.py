@@ -51,9 +51,7 @@ class ParameterComparison:
     @property
     def sentence(self) -> str:
         """Whether the parameters of two results differ, and which, in a sentence."""
-        differing = [
-            f"{pair.words} ({abs(pair.deviations):.2g} σ)" for pair in self.pairs if pair.differs
-        ]
+        differing = [f"{p.words} ({abs(p.deviations):.2g} σ)" for p in self.pairs if p.differs]
         count, level = len(self.pairs), f"{100.0 * _LEVEL:g} %"
         if not differing:
             return (
@@ -91,22 +89,14 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    estimates, others = (
-        {name: (of[name].value, of[name].std) for name in shared} for of in (before, now)
-    )
+    estimates, others = ({k: (of[k].value, of[k].std) for k in shared} for of in (before, now))
     drifts = drifts_of(estimates, others, _LEVEL)
-    pairs = [
-        ParameterPair(
-            drift.name,
-            before[drift.name].unit,
-            before[drift.name].expression,
-            words_of_name(drift.name, results[0].joints),
-            *(drift.before, drift.before_std, drift.now, drift.now_std),
-            drift.statistic,
-            drift.drifts,
-        )
-        for drift in drifts
-    ]
+    pairs = []
+    for drift in drifts:
+        of, words = before[drift.name], words_of_name(drift.name, results[0].joints)
+        numbers = drift.before, drift.before_std, drift.now, drift.now_std
+        about = drift.name, of.unit, of.expression, words
+        pairs.append(ParameterPair(*about, *numbers, drift.statistic, drift.drifts))
     return ParameterComparison(
         names=(str(first), str(second)),
         robot=results[0].robot,

@@ -95,13 +95,11 @@ def effort_statistics(
         return (None,) * len(active)
     parts = [_samples(motion, cutoffs.decimation, stride) for motion in motions]
     samples = np.concatenate(parts, axis=1)
-    (position, speed, acceleration), noisy, effort = samples[:3], samples[3:6], samples[6]
-    robot = model.robot
-    bodies = robot.given.without_friction
-    noise = inverse_dynamics(robot, bodies, *noisy) - inverse_dynamics(
-        robot, bodies, position, speed, acceleration
-    )
-    moving = model.joint_matrices(position, speed, acceleration)
+    states, noisy, effort, robot = samples[:3], samples[3:6], samples[6], model.robot
+    position, speed, _ = states
+    nominal = robot.given.without_friction
+    noise = inverse_dynamics(robot, nominal, *noisy) - inverse_dynamics(robot, nominal, *states)
+    moving = model.joint_matrices(*states)
     resting = model.joint_matrices(position, np.zeros_like(speed), np.zeros_like(speed))
     standard = model.regressor.layout.parameters
     of_friction = np.array([standard[column].kind in _FRICTION for column in model.base.columns])
@@ -190,13 +188,9 @@ def _share(column: FloatArray, others: Basis, effort: FloatArray) -> Share | Non
     scores = np.array_split(alone * (rest - value * alone), _BATCHES)
     deviation = float(np.sqrt(sum(float(score.sum()) ** 2 for score in scores))) / energy
     explained = value**2 * energy
-    centred = effort - effort.mean()
-    return Share(
-        value,
-        deviation,
-        explained / max(float(centred @ centred), 1e-300),
-        explained / max(float(rest @ rest), 1e-300),
-    )
+    parts = (effort - effort.mean(), rest)
+    of_variance, of_rest = (explained / max(float(part @ part), 1e-300) for part in parts)
+    return Share(value, deviation, of_variance, of_rest)
 
 
 def _unsigned(everything: Basis, effort: FloatArray, starts: Sequence[FloatArray]) -> float:

@@ -25,27 +25,14 @@ from idim_iv_ros.estimation.least_squares import (
 from idim_iv_ros.estimation.observation import observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.files import FilePaths
+from idim_iv_ros.identification import result as results
 from idim_iv_ros.identification.prepare import (
     PreparedRegression,
     prepare,
     read_configured,
     require_excitation,
 )
-from idim_iv_ros.identification.result import (
-    BagSummary,
-    Estimator,
-    Fit,
-    FittedGain,
-    IdentificationResult,
-    InstrumentReport,
-    JointResidual,
-    JointSeries,
-    JointTests,
-    ParameterEstimate,
-    ProcessingSummary,
-    Refined,
-    RefinedEstimate,
-)
+from idim_iv_ros.identification.result import Estimator, IdentificationResult
 from idim_iv_ros.identification.validate import Validation, validate
 from idim_iv_ros.model import kinematics_digest
 from idim_iv_ros.physical import PhysicalParameters, nearest_physical
@@ -148,17 +135,16 @@ def identified(
     watch.stage("filtering", 0.3)
     prepared = prepare(recordings, configuration)
     watch.stage("regressor", 0.4)
-    rows = observation_rows(prepared.model, prepared.motions)
+    model, motions = prepared.model, prepared.motions
+    rows = observation_rows(model, motions)
     require_excitation(prepared, rows)
     watch.stage("estimation", 0.5)
-    parameters = len(prepared.model.base.columns)
+    parameters = len(model.base.columns)
     estimate, sources = None, None
     if estimator == "idim-ls":
         linear = weighted = solve_least_squares(rows, parameters)
     else:
-        sources = instrument_sources(
-            configuration, prepared.model, prepared.motions, prepared.cutoffs
-        )
+        sources = instrument_sources(configuration, model, motions, prepared.cutoffs)
         estimate = idim_iv(
             rows,
             sources.sources,
@@ -246,7 +232,7 @@ def assemble_result(
     autocorrelated = any(residual.white is False for residual in validation.residuals)
     parts = list(zip(prepared.session.parts, prepared.motions, strict=True))
     series = tuple(
-        JointSeries(
+        results.JointSeries(
             joint.name,
             np.concatenate([part.start + motion.time[motion.kept[:, k]] for part, motion in parts]),
             joint.torque,
@@ -268,7 +254,7 @@ def assemble_result(
         convergence_note=_convergence(estimate, base.names, configuration),
         parameters=parameters,
         covariance=covariance.matrix,
-        instruments=InstrumentReport(
+        instruments=results.InstrumentReport(
             accepted=False if False in outcomes else None if None in outcomes else True,
             alpha=alpha,
             source="none: least squares" if estimate is None else estimate.source.name,
@@ -276,12 +262,12 @@ def assemble_result(
             notes=tuple(text for text in (note, validation.note) if text),
             tests=validation.tests,
         ),
-        specification=JointTests(
+        specification=results.JointTests(
             alpha=alpha, tests=tuple(chain.from_iterable(validation.specification))
         ),
-        exogeneity=JointTests(alpha=alpha, tests=validation.exogeneity),
+        exogeneity=results.JointTests(alpha=alpha, tests=validation.exogeneity),
         residuals=tuple(
-            JointResidual(
+            results.JointResidual(
                 **vars(residual),
                 verdict=verdict.verdict,
                 sentence=verdict.sentence,
@@ -293,7 +279,7 @@ def assemble_result(
             for residual, verdict, joint in zip(validation.residuals, verdicts, series, strict=True)
         ),
         verdict=overall,
-        fit=Fit(
+        fit=results.Fit(
             relative_error_percent=_relative_error(rows, linear),
             ls_relative_error_percent=_relative_error(rows, identified.weighted),
             condition_number=condition_number(rows, count),
@@ -305,7 +291,7 @@ def assemble_result(
                 residual.joint: residual.relative_percent for residual in validation.residuals
             },
         ),
-        processing=ProcessingSummary(
+        processing=results.ProcessingSummary(
             position_cutoff=prepared.cutoffs.position,
             position_order=configuration.processing.position_order,
             decimation_cutoff=prepared.cutoffs.decimation,
@@ -317,7 +303,7 @@ def assemble_result(
         ),
         controller=() if sources is None else sources.controller,
         fitted_gains=tuple(
-            FittedGain(
+            results.FittedGain(
                 joint,
                 term,
                 float(fit.gains[row, column]),
@@ -340,7 +326,7 @@ def assemble_result(
 
 def _parameters(
     identified: Identified, covariance: AutocorrelatedCovariance, essential: IntArray
-) -> tuple[ParameterEstimate, ...]:
+) -> tuple[results.ParameterEstimate, ...]:
     """Every base parameter with its standard deviations, alone and among the essential ones."""
     base, given = identified.prepared.model.base, identified.prepared.given
     rows, weighted, linear = identified.rows, identified.weighted, identified.linear
@@ -360,7 +346,7 @@ def _parameters(
     reduced = solve_instrumental_variables(restricted, len(places), linear.sigma).values
     reduced_std = np.sqrt(np.diag(covariance.restricted(essential)))
     return tuple(
-        ParameterEstimate(
+        results.ParameterEstimate(
             name=base.names[k],
             expression=base.expressions[k],
             unit=base.units[k],
@@ -384,19 +370,19 @@ def refined_result(
     values: FloatArray,
     covariance: FloatArray,
     orders: tuple[int, ...],
-    parameters: Sequence[ParameterEstimate],
-) -> Refined:
+    parameters: Sequence[results.ParameterEstimate],
+) -> results.Refined:
     """Refined estimates, and which of the unrefined ones whitening moves beyond noise."""
     estimates, moved = [], []
     std = np.sqrt(np.diag(covariance))
     for parameter, value, deviation in zip(parameters, values.tolist(), std.tolist(), strict=True):
         same = {name: getattr(parameter, name) for name in _OF_PARAMETER}
-        estimates.append(RefinedEstimate(**same, value=value, std=deviation))
+        estimates.append(results.RefinedEstimate(**same, value=value, std=deviation))
         # Whitening moves no estimate further than noise does where the model is right.
         apart = in_deviations(parameter.value, parameter.std, value, deviation)
         if parameter.essential and abs(apart) > _FAR_APART:
             moved.append(parameter.name)
-    return Refined(orders, tuple(estimates), tuple(moved))
+    return results.Refined(orders, tuple(estimates), tuple(moved))
 
 
 def _convergence(
@@ -420,11 +406,11 @@ def _relative_error(rows: Sequence[JointRows], linear: LinearEstimate) -> float:
     return 100.0 * float(np.sqrt(error / torque)) if torque > 0.0 else float("nan")
 
 
-def _bags(prepared: PreparedRegression) -> tuple[BagSummary, ...]:
+def _bags(prepared: PreparedRegression) -> tuple[results.BagSummary, ...]:
     session = prepared.session
     parts = zip(session.recordings, session.parts, prepared.motions, strict=True)
     return tuple(
-        BagSummary(
+        results.BagSummary(
             path=str(recording.path),
             rate=recording.rate,
             duration=recording.duration,

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.least_squares import unseen_parameters
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import FilePaths
+from idim_iv_ros.identification.result import BagSummary
 from idim_iv_ros.identification.sanity import JointFinding, joint_findings, repeats_motion
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
@@ -167,16 +169,14 @@ def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tu
     )
 
 
-def loss_sentences(recordings: Sequence[Recording]) -> tuple[str, ...]:
+def loss_sentences(recordings: Sequence[Recording | BagSummary]) -> tuple[str, ...]:
     """Say what measurements of each recording were lost, or left out because a channel froze."""
-    return tuple(
-        f"{recording.path.name}: {sentence}"
-        for recording in recordings
-        for sentence in (
-            *(note.sentence for note in recording.notes if note.limits),
-            *(interval.sentence for interval in recording.frozen),
-        )
-    )
+    sentences: list[str] = []
+    for recording in recordings:
+        lost = [note.sentence for note in recording.notes if note.limits]
+        lost += [interval.sentence for interval in recording.frozen]
+        sentences += [f"{Path(recording.path).name}: {sentence}" for sentence in lost]
+    return tuple(sentences)
 
 
 def read_configured(

@@ -85,7 +85,6 @@ def joint_findings(
     }
     sizes = {joint: effort.size for joint, effort in efforts.items()}
     units = in_smaller_units(ratios, sizes) if effort_unit == "N m" else {}
-    findings: list[JointFinding] = []
     signals_of = [_Signals(model, motions, joint, effort_unit) for joint in range(len(statistics))]
     positions = [list(signals.positions()) for signals in signals_of]
     wrong = [k for k, some in enumerate(positions) if any(finding.left_out for finding in some)]
@@ -95,6 +94,7 @@ def joint_findings(
         for joint, effort in enumerate(effort_statistics(model, [motion], cutoffs)):
             if effort and opposite_sign(effort):
                 turned.setdefault(joint, []).append(motion.signals.name)
+    findings: list[JointFinding] = []
     for joint, (signals, of_effort) in enumerate(zip(signals_of, statistics, strict=True)):
         findings += positions[joint]
         if joint in wrong:
@@ -116,10 +116,9 @@ def joint_findings(
             findings += signals.efforts(of_effort, units.get(joint))
     wrong_of: dict[int, str] = {}
     for motion in motions:
-        asked, span = motion.signals.position_reference, motion.span
+        asked, moved, span = motion.signals.position_reference, motion.signals.position, motion.span
         if asked is not None:
-            moved = motion.signals.position[span]
-            wrong_of |= wrong_references(moved, asked[span], model.robot.joints)
+            wrong_of |= wrong_references(moved[span], asked[span], model.robot.joints)
     findings += [JointFinding(joint, "limited", wrong_of[joint]) for joint in sorted(wrong_of)]
     return tuple(findings)
 
@@ -255,9 +254,8 @@ class _Signals:
         self, model: InverseModel, motions: Sequence[Motion], joint: int, effort_unit: str
     ) -> None:
         self.robot, self.joint = model.robot, joint
-        self.angle, self.torque = (
-            unit_at(unit, model.robot.joint_types[joint]) for unit in ("rad", "N m")
-        )
+        kind = model.robot.joint_types[joint]
+        self.angle, self.torque = unit_at("rad", kind), unit_at("N m", kind)
         self.in_newton_metres = effort_unit == "N m" and model.robot.has_inertials
         positions = [motion.position[motion.span, joint] for motion in motions]
         rates = [motion.signals.rate for motion in motions]

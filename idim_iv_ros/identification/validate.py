@@ -13,13 +13,8 @@ from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.signals import AutoregressiveModel, Motion, torque_noise
 from idim_iv_ros.signals.motion import decimated_motion
+from idim_iv_ros.statistics import instruments as instrument_tests
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
-from idim_iv_ros.statistics.instruments import (
-    EXOGENOUS,
-    VALID,
-    exogeneity_test,
-    wald_test_of_instruments,
-)
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual
 from idim_iv_ros.statistics.specification import (
     SPEED,
@@ -79,7 +74,7 @@ def validate(
     if estimate is None or untested:
         tests, exogeneity = (
             tuple(HypothesisTest.not_run(null, scope, untested) for scope in ("all", *names))
-            for null in (VALID, EXOGENOUS)
+            for null in (instrument_tests.VALID, instrument_tests.EXOGENOUS)
         )
         specification = tuple(tests_not_run(name, untested, alpha) for name in names)
         tests, exogeneity = _together(tests, alpha), _together(exogeneity, alpha)
@@ -87,12 +82,11 @@ def validate(
     source, rows, instruments, note = _tested(prepared, observed, estimate)
     noise = np.minimum(linear.sigma, _LARGEST_NOISE * torque_noise(prepared.motions))
     observed_alone = [joint.with_instruments(None) for joint in observed]
-    covariance = white_covariance(observed_alone, noise, len(values))
-    errors = source.prediction_errors(values, covariance)
+    errors = source.prediction_errors(values, white_covariance(observed_alone, noise, len(values)))
     candidates = functions_of_motion(source.motions, instruments, prepared.model.robot.joint_types)
     return Validation(
-        _together(wald_test_of_instruments(rows, values, errors), alpha),
-        _together(exogeneity_test(rows, values), alpha),
+        _together(instrument_tests.wald_test_of_instruments(rows, values, errors), alpha),
+        _together(instrument_tests.exogeneity_test(rows, values), alpha),
         specification_tests(rows, values, candidates, alpha=alpha),
         residuals,
         note,

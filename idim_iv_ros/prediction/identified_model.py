@@ -58,22 +58,21 @@ def identified_model(
     """
     result = IdentificationResult.read(path)
     require_same_robot(path, result, configuration, model.robot, source)
-    wrong = ""
+    wrong = []
     now = configuration.model_dump(mode="json", exclude_none=True)
     for section, keys in _SAME.items():
         then = result.configuration.get(section)
         before = then if isinstance(then, dict) else {}
         others = [key for key in keys if before.get(key) != now[section].get(key)]
-        if others and not wrong:
-            given = configuration.source or "the configuration"
-            wrong = f"it was identified with another {section}.{others[0]} than {given} has"
+        given = configuration.source or "the configuration"
+        wrong += [f"it was identified with another {section}.{k} than {given} has" for k in others]
     values = np.array([parameter.value for parameter in result.parameters])
-    if not wrong and tuple(item.name for item in result.parameters) != model.base.names:
-        wrong = f"its base parameters are not those of {source}"
-    if not wrong and not np.isfinite(values).all():
-        wrong = "a parameter has no value"
+    if tuple(item.name for item in result.parameters) != model.base.names:
+        wrong.append(f"its base parameters are not those of {source}")
+    if not np.isfinite(values).all():
+        wrong.append("a parameter has no value")
     if wrong:
-        raise UsageError(f"{path}: {wrong}; run `idim-iv identify` again")
+        raise UsageError(f"{path}: {wrong[0]}; run `idim-iv identify` again")
     try:
         processing = ProcessingSection.model_validate(result.configuration.get("processing") or {})
     except ValidationError as error:
@@ -178,9 +177,8 @@ def joint_levels(
     rates = sorted({bag.rate for bag in result.bags})
     other_rate = rates and not any(1.0 / _SAME_RATE < rate / r < _SAME_RATE for r in rates)
     levels = []
-    for place, (joint, residual) in enumerate(
-        zip(identified.joints, result.residuals, strict=True)
-    ):
+    pairs = zip(identified.joints, result.residuals, strict=True)
+    for place, (joint, residual) in enumerate(pairs):
         newest = np.flatnonzero(rows.counts[:, place])[-round(LEVEL_SECONDS * rows.rate) :]
         count, variance = len(newest), float(rows.variance[newest, place].sum())
         energy = float(np.sum(rows.residual[newest, place] ** 2))

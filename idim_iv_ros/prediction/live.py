@@ -94,8 +94,7 @@ class SampleStream:
 
     def __init__(self, name: str, turning: Sequence[bool]) -> None:
         self.name, self._turning = name, np.array(turning, dtype=bool)
-        self._empty = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
-        self.samples = self._empty
+        self.samples = JointSamples(np.zeros(0, np.int64), np.zeros((0, len(turning))))
         self.restarted = ""  # why the last `add` dropped older samples: a pause, a clock
         self.late = 0  # samples left out because their stamps do not increase
         self.arrived = 0  # time of the last change of `reached`, ns
@@ -106,9 +105,7 @@ class SampleStream:
         self.restarted = ""
         if len(new) == 0:
             return
-        time, first, before = new.time, 0, self.reached
-        if len(self.samples):
-            time = np.concatenate([self.samples.time[-1:], time])
+        time, first, before = np.append(self.samples.time[-1:], new.time), 0, self.reached
         steps = np.diff(time) / _SECOND
         back = -max(_SET_BACK, _SET_BACK_INTERVALS * (self.interval or 0.0))
         breaks = np.flatnonzero((steps < back) | (steps > _LONGEST_PAUSE))
@@ -143,7 +140,7 @@ class SampleStream:
 
     def clear(self) -> None:
         """Drop all samples."""
-        self.samples = self._empty
+        self.samples = self.samples.part(slice(0))
 
     @property
     def interval(self) -> float | None:
@@ -167,10 +164,10 @@ class SampleStream:
     @property
     def other_rate(self) -> float | None:
         """Return the rate of the recent samples, Hz, if it has changed; else None."""
-        if len(self.samples.slowest) < _RECENT or self.interval is None or self.rate is None:
+        interval = self.interval
+        if len(self.samples.slowest) < _RECENT or interval is None or self.rate is None:
             return None
-        same = 1.0 / _OTHER_RATE < self.interval * self.rate < _OTHER_RATE
-        return None if same else 1.0 / (self.interval or 1.0)
+        return None if 1.0 / _OTHER_RATE < interval * self.rate < _OTHER_RATE else 1.0 / interval
 
     @property
     def missing(self) -> BoolArray:
@@ -310,15 +307,10 @@ class PredictionWindow:
         valid = ~transform.touched(position.invented, effort.invented)
         torque = transform.torque(effort.values)
         record = JointSignals("", self.rate, transform.position(position.values), torque, valid)
-        return decimated_motion(
-            record,
-            self._smooth(record.position, self._cutoff),
-            slice(first - begin, grid.samples),
-            self._processing,
-            (self._cutoff, self._factor),
-            self._minimum_speed,
-            self._coupling_joints,
-        )
+        smoothed = self._smooth(record.position, self._cutoff)
+        span = slice(first - begin, grid.samples)
+        settings = self._processing, (self._cutoff, self._factor), self._minimum_speed
+        return decimated_motion(record, smoothed, span, *settings, self._coupling_joints)
 
     def _smooth(self, values: FloatArray, cutoff: float) -> FloatArray:
         return zero_phase_butterworth(values, rate=self.rate, cutoff=cutoff, order=self._order)
@@ -337,11 +329,8 @@ class PredictionWindow:
         valid = motion.signals.valid[motion.span][around].all(axis=0)
         position, least = motion.position[motion.span], self._minimum_speed
         moves = fast_samples(position, self.rate, least, self._coupling_joints)[around].all(axis=0)
-        return (
-            self._stamp(self._curve_place),
-            np.where(valid, measured, np.nan),
-            np.where(valid & moves, predicted, np.nan),
-        )
+        measured = np.where(valid, measured, np.nan)
+        return self._stamp(self._curve_place), measured, np.where(valid & moves, predicted, np.nan)
 
 
 SHARE_SECONDS = 1.0  # of rows behind the share of the noise floor

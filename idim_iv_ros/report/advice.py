@@ -15,15 +15,7 @@ from idim_iv_ros.errors import first_of
 from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.files import GAP, RESULT
 from idim_iv_ros.identification.result import IMPOSSIBLE, IdentificationResult
-from idim_iv_ros.report.gap_words import (
-    effect_at,
-    effect_words,
-    hint_words,
-    probability_words,
-    stage_words,
-    torque_unit,
-    unnamed_error,
-)
+from idim_iv_ros.report import gap_words
 from idim_iv_ros.report.numerals import (
     INTERVAL,
     MISSING,
@@ -99,7 +91,7 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
     more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
     difference = first.differences[0]
     size = _size_words(difference.effect, difference.parameters)
-    by = ", ".join(filter(None, (effect_at(difference.effect, difference.joint), size)))
+    by = ", ".join(filter(None, (gap_words.effect_at(difference.effect, difference.joint), size)))
     used = plural(len(result.bags), "recording")
     means = len(result.bags) == len(result.recordings)
     return (
@@ -111,39 +103,33 @@ def _disagreement(result: GapResult) -> tuple[str, ...]:
 
 def difference_rows(result: GapResult) -> list[tuple[str, str, str]]:
     """Return rows on recordings that differ from the others: its name, effect and joint, size."""
-    return [
-        (
-            recording.bag,
-            effect_at(difference.effect, difference.joint),
-            _size_words(difference.effect, difference.parameters) or MISSING,
-        )
-        for recording in result.recordings
-        for difference in recording.differences
-    ]
+    rows = []
+    for recording in result.recordings:
+        for of in recording.differences:
+            size = _size_words(of.effect, of.parameters) or MISSING
+            rows.append((recording.bag, gap_words.effect_at(of.effect, of.joint), size))
+    return rows
 
 
 def _cause_words(result: GapResult, gap: JointGap | None) -> str:
     """Return a sentence on the main cause, and how much of the worst joint's gap is corrected."""
     corrected, worst = ("", None) if gap is None else (_corrected_share(result, gap), gap.joint)
     if result.causes:
-        first = result.causes[0]
-        more = len(result.causes) - 1
-        others = f", with {more} more" if more else ""
-        name = effect_at(first.effect, first.joint)
+        causes = _first_words(result.causes)
         everywhere = any(cause.joint is None for cause in result.causes)
-        places = {cause.joint for cause in result.causes}
-        places |= {cause.other_joint for cause in result.causes}
+        places = {place for cause in result.causes for place in (cause.joint, cause.other_joint)}
         places |= {change.joint for cause in result.causes for change in cause.joint_gaps}
-        if worst is not None and not everywhere and worst not in places:
-            if any(error.joint == worst for error in result.parameter_errors):
-                return f"Wrong parameter values there{corrected}; besides them, {name}{others}."
-            return f"Cause elsewhere: {name}{others}{corrected}."
-        return f"Main cause: {name}{others}{corrected}."
+        if worst is None or everywhere or worst in places:
+            return f"Main cause: {causes}{corrected}."
+        if any(error.joint == worst for error in result.parameter_errors):
+            return f"Wrong parameter values there{corrected}; besides them, {causes}."
+        return f"Cause elsewhere: {causes}{corrected}."
     if result.unexplained is not None:
         what = FAMILIES[result.unexplained.family]
         likeliest = result.unexplained.likeliest(result.hints)
         if likeliest is not None:
-            return f"No cause is certain: the residual {what}; perhaps {hint_words(likeliest)}."
+            perhaps = gap_words.hint_words(likeliest)
+            return f"No cause is certain: the residual {what}; perhaps {perhaps}."
         if result.unexplained.family == "event":
             return f"Nothing in the catalogue explains it: the residual {what}."
         return f"Not in the catalogue: {result.unexplained.where}."
@@ -154,23 +140,29 @@ def _cause_words(result: GapResult, gap: JointGap | None) -> str:
     return "Its cause is inconclusive on this recording."
 
 
+def _first_words(causes: Sequence[Cause | ContrastCause]) -> str:
+    name, more = gap_words.effect_at(causes[0].effect, causes[0].joint), len(causes) - 1
+    return f"{name}, with {more} more" if more else name
+
+
 def _certainty(result: GapResult, worst: JointGap) -> str:
     """Return a sentence on the first cause's probability; without one, on the remaining gap."""
     if result.causes:
         first = result.causes[0]
         if first.probability is not None:
-            return f"That cause is {probability_words(first)} probable."
+            return f"That cause is {gap_words.probability_words(first)} probable."
         size = _size_words(first.effect, first.parameters)
         return f"Its {size}." if size else ""
     last = result.stages[-1] if result.stages else None
     interval = None if last is None else last.torque_ci95.get(worst.joint)
     if last is None or not is_interval(interval):
         return ""
-    unit = torque_unit(result, worst.joint)
+    unit = gap_words.torque_unit(result, worst.joint)
     level = f"{number(last.torque_rms[worst.joint])} {unit}"
     low, high = map(number, interval)
     noise = "" if worst.noise_floor is None else f"; noise: {number(worst.noise_floor)} {unit}"
-    return f"Held out, the {stage_words(last.name)} leaves {level} ({low} to {high}, 95 %{noise})."
+    stage = gap_words.stage_words(last.name)
+    return f"Held out, the {stage} leaves {level} ({low} to {high}, 95 %{noise})."
 
 
 def _size_words(effect: str, parameters: Mapping[str, EffectParameter]) -> str:
@@ -204,30 +196,26 @@ def identification_headline(result: IdentificationResult) -> tuple[str, ...]:
     colour = BADGES[result.verdict.verdict][0]
     wrong = [one.joint for one in result.residuals if BADGES[one.verdict][0] == "bad"]
     where = first_of(wrong, 3) or "several joints together"
-    level = percent(100.0 * result.instruments.alpha)
     believed = {
         "good": "The parameters and their standard deviations may be believed.",
         "fair": "The parameters may be believed, with their refined standard deviations.",
         "bad": f"Do not rely on all parameters: the model is misspecified at {where} "
-        f"(tested at {level}).",
+        f"(tested at {percent(100.0 * result.instruments.alpha)}).",
         "open": "Whether the parameters may be believed could not be tested"
         + ("." if _has_reference(result) else ": no reference of the motion was recorded."),
     }[colour]
-    fit = result.fit
-    error = percent(fit.relative_error_percent, 3)
+    error = percent(result.fit.relative_error_percent, 3)
     state = "" if result.converged else " The iteration has not converged."
-    sizes = [
-        parameter.relative_std_percent
-        for parameter in result.parameters
-        if parameter.essential and is_number(parameter.relative_std_percent)
-    ]
-    precision: tuple[str, ...] = ()
-    if sizes and colour != "bad":
-        half = percent(INTERVAL * float(np.median(sizes)))
-        precision = (
-            f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %).",
-        )
-    return believed, f"The model misses {error} of the torque.{state}", *precision
+    percents = (p.relative_std_percent for p in result.parameters if p.essential)
+    sizes = list(filter(is_number, percents))
+    said = believed, f"The model misses {error} of the torque.{state}"
+    if not sizes or colour == "bad":
+        return said
+    half = percent(INTERVAL * float(np.median(sizes)))
+    known_well = (
+        f"Half of the {len(sizes)} essential parameters are known within ±{THIN}{half} (95 %)."
+    )
+    return *said, known_well
 
 
 def _has_reference(result: IdentificationResult) -> bool:
@@ -270,7 +258,7 @@ def export_options(result: GapResult) -> tuple[str, ...]:
     """Return the options with which an export of a diagnosis changes all that it shows."""
     # Beside a torque scale or gravity the export cannot spread what no cause names.
     parts = {part_of(cause.effect) for cause in result.causes}
-    spread = unnamed_error(result) and not parts & {"torque scale", "gravity"}
+    spread = gap_words.unnamed_error(result) and not parts & {"torque scale", "gravity"}
     return ("--remainder",) if spread or not result.causes else ()
 
 
@@ -279,7 +267,6 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
     result, config, files = report.result, report.files.config, report.files
     bags = files.recordings(result.bags)
     laws = [cause for cause in result.causes if part_of(cause.effect) == "gains"]
-    recording = _recording_step(result, files)
     if len(laws) < len(result.causes):
         rest = export_options(result)
         what = "the causes and the other values into" if rest else "the causes into"
@@ -304,7 +291,7 @@ def diagnosis_steps(report: Report[GapResult]) -> list[Step]:
         others = files.recordings(apart)
         line = files.command("diagnose", *bags, "--against", *others, out="changes")
         steps.append(Step(f"See what changed in {', '.join(apart)}:", line))
-    return [*steps, recording]
+    return [*steps, _recording_step(result, files)]
 
 
 def _law(cause: Cause) -> str:
@@ -336,21 +323,17 @@ def contrast_headline(contrast: ContrastResult) -> list[str]:
     """Return sentences on what changed between two sets, by how much, and how certain that is."""
     apart = list(map(sentence, contrast.not_compared))
     if contrast.causes:
-        first, more = contrast.causes[0], len(contrast.causes) - 1
-        name = effect_at(first.effect, first.joint)
-        others = f", with {more} more" if more else ""
-        words = [f"From the reference to the second set changed: {name}{others}."]
-        torques = [
-            f"{percent(100.0 * torque.share_of_torque)} of the torque at {torque.joint}"
-            for torque in first.torques[:1]
-        ]
-        sizes = filter(None, (_size_words(first.effect, first.parameters), *torques))
-        words.append(sentence(", ".join(sizes)))
-        rivals = [
-            f"{effect_at(rival.effect, rival.joint)} ({percent(100.0 * rival.weight)})"
-            for rival in first.indistinguishable_from[:1]
-        ]
-        return [*words, *(f"Or else: {rival}." for rival in rivals), *apart]
+        first = contrast.causes[0]
+        changed = f"From the reference to the second set changed: {_first_words(contrast.causes)}."
+        sizes = [_size_words(first.effect, first.parameters)]
+        for torque in first.torques[:1]:
+            part = percent(100.0 * torque.share_of_torque)
+            sizes.append(f"{part} of the torque at {torque.joint}")
+        words = [changed, sentence(", ".join(filter(None, sizes)))]
+        for rival in first.indistinguishable_from[:1]:
+            weight = percent(100.0 * rival.weight)
+            words.append(f"Or else: {gap_words.effect_at(rival.effect, rival.joint)} ({weight}).")
+        return words + apart
     if contrast.differs:
         widest = max(contrast.joints, key=lambda joint: joint.share_of_torque)
         share = percent(100.0 * widest.share_of_torque)
@@ -371,7 +354,7 @@ def contrast_steps(contrast: ContrastResult, files: Files) -> list[Step]:
     line = files.command("diagnose", *against, out="after")
     if not contrast.causes:
         return [Step("See what the second set lacks by itself:", line)]
-    where = effect_at(contrast.causes[0].effect, contrast.causes[0].joint)
+    where = gap_words.effect_at(contrast.causes[0].effect, contrast.causes[0].joint)
     first = Step(f"Look at the robot ({where}); diagnose the second set for its values:", line)
     return [first, *_separating_steps(contrast.causes, files)]
 
@@ -382,7 +365,7 @@ def _separating_steps(causes: Sequence[Cause | ContrastCause], files: Files) -> 
         for other in cause.indistinguishable_from:
             how = separating_motion(cause.effect, other.effect)
             if how and not how.startswith("no motion"):
-                pair = f"{effect_words(cause.effect)} from {effect_words(other.effect)}"
+                pair = " from ".join(map(gap_words.effect_words, (cause.effect, other.effect)))
                 return [Step(f"Record the motion that separates {pair}:", _motion(files))]
     return []
 

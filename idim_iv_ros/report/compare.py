@@ -15,11 +15,8 @@ def compare_html(comparison: ParameterComparison, files: Files = UNPLACED) -> st
         "compare",
         "Parameters",
         badge=("bad", "≠", "differences") if differ else ("good", "✓", "no difference"),
-        sentence=comparison.sentence,
+        result=comparison,
         steps=[compare_step(comparison, files)],
-        names=comparison.names,
-        alone=", ".join(comparison.alone),
-        pairs=comparison.pairs,
         pair_words=pair_words,
     )
     subtitle = " and ".join(comparison.names)

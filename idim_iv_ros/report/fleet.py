@@ -19,7 +19,7 @@ from idim_iv_ros.fleet.result import (
 from idim_iv_ros.fleet.source import is_local, local_path
 from idim_iv_ros.report.advice import Step
 from idim_iv_ros.report.figures import BLUE, GREY, ORANGE, Figure, axis, band, scatter
-from idim_iv_ros.report.numerals import INTERVAL, THIN, number, plural
+from idim_iv_ros.report.numerals import INTERVAL, THIN, number, plural, with_unit
 from idim_iv_ros.report.page import one_section, page_html
 from idim_iv_ros.report.section import UNPLACED, Files
 
@@ -64,15 +64,16 @@ def fleet_html(
     `reports` has the address of each robot's own report, relative to the page, by the name of the
     robot; the recordings of `files` are the source of the fleet.
     """
-    headlines = [headline(result)]
-    if _badge(result)[0] == "bad":
+    headlines, badge = [headline(result)], _badge(result)
+    share = f"{100.0 * result.false_discoveries:g}{THIN}%"
+    if badge[0] == "bad":
         first = result.robots[0]
         headlines.append(f"{first.robot}: {first.reasons[0].rstrip('.')}.")
-        headlines.append(f"At most {_share(result)} of such robots are by chance.")
+        headlines.append(f"At most {share} of such robots are by chance.")
     shown = {
         "result": result,
-        "share": _share(result),
-        "badge": _badge(result),
+        "share": share,
+        "badge": badge,
         "badges": _BADGES,
         "headlines": headlines,
         "steps": steps(result, reports or {}, files),
@@ -83,25 +84,20 @@ def fleet_html(
         "change_figure": _change_figure,
         "changes_judged": _testable(result)[1],
     }
-    return page_html(
-        "Fleet",
-        f"{plural(len(result.robots), 'robot')}, {plural(len(result.bags), 'bag')}",
-        _subtitle(result),
-        [
-            one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
-            for anchor, title in _SECTIONS.items()
-        ],
-    )
+    counts = f"{plural(len(result.robots), 'robot')}, {plural(len(result.bags), 'bag')}"
+    sections = [
+        one_section(f"fleet_{anchor}.html.j2", anchor, title, **shown)
+        for anchor, title in _SECTIONS.items()
+    ]
+    return page_html("Fleet", counts, _subtitle(result), sections)
 
 
 def _subtitle(result: FleetResult) -> str:
     seconds = sum(bag.duration for bag in result.bags if bag.used and math.isfinite(bag.duration))
     times = sorted(bag.time for bag in result.bags if bag.used and bag.time)
     span = f", recorded {times[0][:10]} to {times[-1][:10]}" if times else ""
-    hours = (
-        f"{number(seconds / 3600.0)}{THIN}h" if seconds >= 3600.0 else f"{number(seconds)}{THIN}s"
-    )
-    return f"{plural(len(result.types), 'type')} of robots, {hours} of recording{span}"
+    length = with_unit(seconds / 3600.0, "h") if seconds >= 3600.0 else with_unit(seconds, "s")
+    return f"{plural(len(result.types), 'type')} of robots, {length} of recording{span}"
 
 
 def _badge(result: FleetResult) -> tuple[str, str, str]:
@@ -185,10 +181,6 @@ def headline(result: FleetResult) -> str:
     return f"{'; '.join(parts)}."
 
 
-def _share(result: FleetResult) -> str:
-    return f"{100.0 * result.false_discoveries:g}{THIN}%"
-
-
 def _names_of(robot: FleetRobot) -> tuple[str, ...]:
     """Return names that keep their case at the start of a sentence: robot and parameters."""
     names = (quantity.name for quantity in robot.quantities)
@@ -205,9 +197,9 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
     for column, quantity in enumerate(kind.quantities):
         estimates = [robot.quantities[column] for robot in robots]
         ordinary = [estimate.value for estimate in estimates if not estimate.differs]
-        distances = [_deviations(quantity, 1.0, value) for value in ordinary]
-        finite = [distance for distance in distances if math.isfinite(distance)]
-        unit = float(np.sqrt(np.mean(np.square(finite)))) if len(finite) > 1 else 0.0
+        distances = np.array([_deviations(quantity, 1.0, value) for value in ordinary])
+        finite = distances[np.isfinite(distances)]
+        unit = float(np.sqrt(np.mean(finite**2))) if len(finite) > 1 else 0.0
         if math.isfinite(quantity.mean) and unit > 0.0:
             rows.append((quantity, unit, estimates))
     if not rows:
@@ -225,14 +217,12 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
             shift = _SCATTER * (2.0 * ((number_of * 0.6180339887) % 1.0) - 1.0)
             words = f"{robot.robot}: {quantity.name} {number(estimate.value, 4)} {quantity.unit}"
             side = max(-_FARTHEST, min(_FARTHEST, distance))
-            marks[estimate.differs].append((side, height + shift, words))
+            marks[estimate.differs].append((round(side, 3), round(height + shift, 3), words))
     data = []
     for differs, colour, size, opacity in ((False, BLUE, 5, 0.55), (True, ORANGE, 8, 1.0)):
-        x = [round(across, 3) for across, _, _ in marks[differs]]
-        y = [round(upward, 3) for _, upward, _ in marks[differs]]
+        x, y, text = ([mark[k] for mark in marks[differs]] for k in range(3))
         marker = {"color": colour, "size": size, "opacity": opacity, "symbol": "diamond"}
-        hover = {"text": [words for _, _, words in marks[differs]], "hovertemplate": _HOVER}
-        data.append(scatter(x, y, "markers", marker=marker, **hover))
+        data.append(scatter(x, y, "markers", marker=marker, text=text, hovertemplate=_HOVER))
     names = [quantity.name for quantity, *_ in rows]
     axes = {
         "xaxis": axis("Distance from the mean of the type, standard deviations of its robots",
@@ -240,23 +230,16 @@ def _distribution_figure(result: FleetResult, kind: FleetType) -> Figure | None:
         "yaxis": axis("", tickvals=list(range(len(names))), ticktext=names[::-1],
                       range=[-0.6, len(names) - 0.4], showgrid=False),
     }  # fmt: skip
+    anchor = f"distribution-{result.types.index(kind)}"
     words = f"Robots of type {kind.type} beside each other, one row for each quantity"
-    margin = {"l": 90, "r": 12, "t": 8, "b": 44}
-    return Figure(
-        f"distribution-{result.types.index(kind)}",
-        70 + _ROW * len(names),
-        words,
-        data,
-        {**axes, "shapes": shapes, "margin": margin},
-    )
+    layout = {**axes, "shapes": shapes, "margin": {"l": 90, "r": 12, "t": 8, "b": 44}}
+    return Figure(anchor, 70 + _ROW * len(names), words, data, layout)
 
 
 def _row_shapes(quantity: TypeQuantity, unit: float, height: float) -> list[dict[str, Any]]:
     """Return plotly shapes of the intervals of next robot and mean, at a height."""
     intervals = (quantity.next_low, quantity.next_high), (quantity.mean_low, quantity.mean_high)
-    following, mean = (
-        [_deviations(quantity, unit, end) for end in interval] for interval in intervals
-    )
+    following, mean = ([_deviations(quantity, unit, end) for end in ends] for ends in intervals)
     shapes = []
     if all(map(math.isfinite, following)):
         shapes.append(band(_inside(following), (height - 0.36, height + 0.36)))
@@ -275,16 +258,14 @@ def _deviations(quantity: TypeQuantity, unit: float, value: float) -> float:
 
 
 def _change_figure(change: ParameterChange, anchor: str) -> Figure:
-    times, fitted = list(change.times), list(change.fitted)
-    bars = [INTERVAL * std for std in change.stds]
-    dots = scatter(
-        times,
-        list(change.values),
-        "markers",
-        error_y={"type": "data", "array": bars, "color": BLUE, "thickness": 1, "width": 0},
-        marker={"color": BLUE, "size": 7, "symbol": "diamond"},
-        hovertemplate=f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
-    )
+    times, values, fitted = list(change.times), list(change.values), list(change.fitted)
+    bars = {"type": "data", "array": [INTERVAL * std for std in change.stds], "color": BLUE}
+    dots: dict[str, Any] = {
+        "error_y": {**bars, "thickness": 1, "width": 0},
+        "marker": {"color": BLUE, "size": 7, "symbol": "diamond"},
+        "hovertemplate": f"%{{y:.4g}} {change.unit}, %{{x|%Y-%m-%d %H:%M}}<extra></extra>",
+    }
+    bags = scatter(times, values, "markers", **dots)
     if change.kind == "step":
         # The level holds up to the first bag that is changed.
         before = int(np.searchsorted(times, change.begin))
@@ -298,4 +279,4 @@ def _change_figure(change: ParameterChange, anchor: str) -> Figure:
         "yaxis": axis(f"{change.name}, {change.unit}", nticks=6),
     }
     words = f"{change.name} of each bag over time, and the change that was found"
-    return Figure(anchor, 250, words, [dots, law], {**axes, "shapes": [begin]})
+    return Figure(anchor, 250, words, [bags, law], {**axes, "shapes": [begin]})

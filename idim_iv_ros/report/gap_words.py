@@ -41,11 +41,9 @@ _STAGES = {"given": "nominal model", "refit": "refit"}
 
 def verdict_of(result: GapResult) -> tuple[str, str, str]:
     """Return the verdict of a diagnosis as a badge: CSS class, sign, words."""
-    badge = _VERDICTS[result.verdict]
-    differs = any(not recording.agrees for recording in result.recordings)
-    if result.verdict != "none" or not differs:
-        return badge
-    return ("fair", "≈", "recordings differ; those that agree have no cause")
+    if result.verdict == "none" and not all(recording.agrees for recording in result.recordings):
+        return "fair", "≈", "recordings differ; those that agree have no cause"
+    return _VERDICTS[result.verdict]
 
 
 def contrast_badge(contrast: ContrastResult) -> tuple[str, str, str]:
@@ -112,9 +110,8 @@ def small_unit(result: Result, joint: str | None) -> str:
 
 def torque_word(unit: str) -> str:
     """Return the name of the quantity with that unit: “Torque” for N m."""
-    return {"N m": "Torque", "N": "Force", "A": "Motor current", "V": "Motor voltage"}.get(
-        unit, "Effort"
-    )
+    words = {"N m": "Torque", "N": "Force", "A": "Motor current", "V": "Motor voltage"}
+    return words.get(unit, "Effort")
 
 
 def regime_range(regime: Regime, session: Sequence[SessionPart]) -> str:
@@ -136,9 +133,8 @@ def duration(result: GapResult) -> float:
     """Return the total length of the recordings, s; if unknown, with the pauses between them."""
     if result.recorded is not None:
         return result.recorded
-    return max(
-        (float(series.time[-1]) for series in result.series if len(series.time)), default=0.0
-    )
+    ends = (float(series.time[-1]) for series in result.series if len(series.time))
+    return max(ends, default=0.0)
 
 
 def extended_beyond_refit(series: GapSeries) -> bool:
@@ -154,12 +150,12 @@ def drawable(result: GapResult) -> list[GapSeries]:
 def held_out_words(result: GapResult, joint: str) -> str:
     """Return the gaps at a joint of nominal model, refit and extended model as one phrase."""
     stages = [stage for stage in result.stages if is_number(stage.torque_rms.get(joint))]
-    named = [stage for stage in stages if stage.name in _STAGES]
-    if stages and stages[-1] not in named:
-        named.append(stages[-1])
     unit = torque_unit(result, joint)
-    words = {stage.name: _STAGES.get(stage.name, "extended") for stage in named}
-    sizes = [f"{words[cause.name]} {number(cause.torque_rms[joint])} {unit}" for cause in named]
+    sizes = [
+        f"{_STAGES.get(stage.name, 'extended')} {number(stage.torque_rms[joint])} {unit}"
+        for stage in stages
+        if stage.name in _STAGES or stage is stages[-1]
+    ]
     return f"gap, rms on held-out data: {', '.join(sizes)}" if sizes else ""
 
 
@@ -220,13 +216,9 @@ def lacking_row(result: GapResult, cause: Cause) -> tuple[str, str, str, str, st
         f"({percent(100.0 * rival.weight)})"
         for rival in cause.indistinguishable_from
     )
-    return (
-        effect_at(cause.effect, cause.joint, cause.other_joint),
-        f"{number(gap.before)} → {number(gap.after)} {unit}",
-        share,
-        probability_words(cause),
-        rivals or MISSING,
-    )
+    where = effect_at(cause.effect, cause.joint, cause.other_joint)
+    size = f"{number(gap.before)} → {number(gap.after)} {unit}"
+    return where, size, share, probability_words(cause), rivals or MISSING
 
 
 def unnamed_error(result: GapResult) -> ParameterError | None:
@@ -237,18 +229,19 @@ def unnamed_error(result: GapResult) -> ParameterError | None:
 
 def wrong_numbers(result: GapResult) -> str:
     """Return all parameter errors in one line, with their count; empty without any."""
-    wrong = [cause for cause in result.causes if cause.kind == "parametric"]
-    listed = []
-    for cause in wrong:
+    wrong = []
+    for cause in result.causes:
+        if cause.kind != "parametric":
+            continue
         words = effect_at(cause.effect, cause.joint)
         first = surest(cause.parameters, 1)
-        for name, parameter in first.items() if cause.joint is not None else ():
-            size = with_interval(parameter.value, parameter.std, parameter.unit)
+        for name, by in first.items() if cause.joint is not None else ():
+            size = with_interval(by.value, by.std, by.unit)
             words += f", {parameter_words(cause.effect, name)} {size}"
         if cause.probability is not None:
             words += f" ({probability_words(cause)})"
-        listed.append(words)
-    lines = [f"{plural(len(wrong), 'error')}: {'; '.join(listed)}"] if wrong else []
+        wrong.append(words)
+    lines = [f"{plural(len(wrong), 'error')}: {'; '.join(wrong)}"] if wrong else []
     rest = unnamed_error(result)
     if rest is not None:
         part = rest.share_of_torque

@@ -90,10 +90,8 @@ def measured(value: float | None, std: float | None) -> tuple[str, str]:
     exponent = math.floor(math.log10(largest))
     scale = 10.0**exponent
     decimals = max(0, decimals + exponent)
-    return (
-        _power(fixed(value / scale, decimals), exponent),
-        f"±{THIN}{_power(fixed(half / scale, decimals), exponent)}",
-    )
+    text, width = (_power(fixed(of / scale, decimals), exponent) for of in (value, half))
+    return text, f"±{THIN}{width}"
 
 
 def with_interval(value: float | None, std: float | None, unit: str = "") -> str:

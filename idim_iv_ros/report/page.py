@@ -2,8 +2,8 @@
 
 import base64
 import gzip
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import cache
 from importlib import resources
 from inspect import getmembers, isfunction
 from typing import Any
@@ -13,61 +13,51 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from idim_iv_ros.diagnosis.result.document import GapResult
+from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.report import gap_words, numerals
-from idim_iv_ros.report.figures import Figure
+from idim_iv_ros.report import advice, gap_words, numerals
 from idim_iv_ros.report.numerals import plural, with_unit
-from idim_iv_ros.report.section import UNPLACED, Files, R, Report, Section
+from idim_iv_ros.report.section import UNPLACED, Files, Report, Section
 from idim_iv_ros.report.sections import (
     drives,
     parameters,
     provenance,
+    robot,
     torque,
     validation,
-    verdict,
 )
 
-
-def _drawn(figure: Callable[[Any, Any], Figure]) -> Callable[[Report[Any]], dict[str, Any]]:
-    """Return the context of a section whose template asks for figures of a result's series."""
-    return lambda report: {"figure": partial(figure, report.result)}
-
-
-_TORQUE = Section("Torque", "torque", torque.torque)
-_CHANGES = Section("Given → new", "changes", parameters.changes)
-_PHYSICAL = Section("Physical", "physical", parameters.physical)
-_REPEAT = Section("Repeat", "repeat", provenance.repeat)
-_GLOSSARY: Section[Any] = Section("Glossary", "glossary")
-IDENTIFICATION: tuple[Section[Any], ...] = (
-    Section("Verdict", "verdict", verdict.identification),
-    _TORQUE,
-    _CHANGES,
-    Section("Parameters", "parameters", lambda report: {"typeset": parameters.typeset}),
-    _PHYSICAL,
-    Section("Residuals", "residuals", _drawn(validation.autocorrelation)),
+IDENTIFICATION = (
+    Section("Verdict", "verdict"),
+    Section("Torque", "torque"),
+    Section("Given → new", "changes"),
+    Section("Parameters", "parameters"),
+    Section("Physical", "physical"),
+    Section("Residuals", "residuals"),
     Section("Tests", "instruments"),
-    Section("Processing", "processing", provenance.processing),
-    _REPEAT,
-    _GLOSSARY,
+    Section("Processing", "processing"),
+    Section("Repeat", "repeat"),
+    Section("Glossary", "glossary"),
 )
-DIAGNOSIS: tuple[Section[Any], ...] = (
-    Section("What changed", "contrast", verdict.contrast),
-    Section("Verdict", "verdict", verdict.diagnosis, "gap_verdict"),
-    Section("Friction", "friction", _drawn(drives.friction_figure)),
-    _TORQUE,
-    Section("Causes", "causes", verdict.causes),
-    _CHANGES,
-    Section("Shrinkage", "stages", torque.stages),
-    Section("Residual", "residuals", _drawn(drives.residual_figure), "residual_curves"),
+DIAGNOSIS = (
+    Section("What changed", "contrast"),
+    Section("Verdict", "verdict", "gap_verdict"),
+    Section("Friction", "friction"),
+    Section("Torque", "torque"),
+    Section("Causes", "causes"),
+    Section("Given → new", "changes"),
+    Section("Shrinkage", "stages"),
+    Section("Residual", "residuals", "residual_curves"),
     Section("Regimes", "where"),
-    Section("Tracking", "tracking", torque.tracking),
-    Section("Transmissions", "transmissions", _drawn(drives.twist_figure)),
-    _PHYSICAL,
+    Section("Tracking", "tracking"),
+    Section("Transmissions", "transmissions"),
+    Section("Physical", "physical"),
     Section("Limits", "limits"),
     Section("Notes", "notes"),
-    _REPEAT,
-    _GLOSSARY,
+    Section("Repeat", "repeat"),
+    Section("Glossary", "glossary"),
 )
 
 
@@ -77,32 +67,26 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     A section that fails is replaced by one line, with a `ReportWarning`. `files` are the paths in
     the commands on the page.
     """
-    seconds = sum(bag.duration for bag in result.bags)
-    return page_html(
-        result.robot,
-        "dynamic parameters",
-        f"{result.estimator.upper()} identification of {plural(len(result.joints), 'joint')} from "
-        f"{with_unit(seconds, 's')} of recording",
-        _sections(Report(result, files), IDENTIFICATION),
-    )
+    estimator, joints = result.estimator.upper(), plural(len(result.joints), "joint")
+    seconds = with_unit(sum(bag.duration for bag in result.bags), "s")
+    of = f"{estimator} identification of {joints} from {seconds} of recording"
+    sections = _sections(Report(result, files), IDENTIFICATION)
+    return page_html(result.robot, "dynamic parameters", of, sections)
 
 
 def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
     """Return the report of a diagnosis as one self-contained HTML document; see `report_html`."""
-    return page_html(
-        result.robot,
-        "sim-to-real gap",
-        f"Diagnosis of {plural(len(result.joints), 'joint')} from "
-        f"{with_unit(gap_words.duration(result), 's')} of recording",
-        _sections(Report(result, files), DIAGNOSIS),
-    )
+    seconds = with_unit(gap_words.duration(result), "s")
+    of = f"Diagnosis of {plural(len(result.joints), 'joint')} from {seconds} of recording"
+    sections = _sections(Report(result, files), DIAGNOSIS)
+    return page_html(result.robot, "sim-to-real gap", of, sections)
 
 
 @cache
 def environment() -> Environment:
     """Return the environment of the templates: text is escaped, undefined names are errors.
 
-    Functions of `numerals` are filters, and those of `gap_words` may be called.
+    Functions of `numerals` are filters, and those that say or draw something may be called.
     """
     templates = Environment(
         loader=PackageLoader("idim_iv_ros.report"),
@@ -112,12 +96,15 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     templates.filters |= dict(getmembers(numerals, isfunction))
-    templates.globals |= dict(getmembers(gap_words, isfunction))
+    for module in (gap_words, advice, drives, parameters, provenance, robot, torque, validation):
+        templates.globals |= dict(getmembers(module, isfunction))
+    templates.globals |= {"badges": advice.BADGES, "families": advice.FAMILIES}
+    templates.globals |= {"surest": surest, "separating_motion": separating_motion}
     templates.tests["finite"] = numerals.is_number
     return templates
 
 
-def _sections(report: Report[R], sections: Sequence[Section[R]]) -> list[tuple[str, str, Markup]]:
+def _sections(report: Report[Any], sections: Sequence[Section]) -> list[tuple[str, str, Markup]]:
     drawn = [(section, section.render(report, environment())) for section in sections]
     return [(section.anchor, section.title, text) for section, text in drawn if text is not None]
 

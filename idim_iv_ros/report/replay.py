@@ -146,17 +146,14 @@ def steps(result: ReplayResult, files: Files) -> list[Step]:
 
 def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
     """Return table rows: joint, error of each stage, noise; `kind` is tracking or torque."""
-    rows = []
-    noise = result.tracking_noise if kind == "tracking" else result.torque_noise
+    rows, noise, scale, revolute = [], result.torque_noise, 1.0, "N m"
+    if kind == "tracking":
+        noise, scale, revolute = result.tracking_noise, 1e3, "mrad"
+    errors: list[dict[str, ReplayError] | None] = [getattr(stage, kind) for stage in result.stages]
     for joint, joint_type in zip(result.joints, result.joint_types, strict=True):
-        unit = unit_at("mrad" if kind == "tracking" else "N m", joint_type)
-        scale = 1e3 if kind == "tracking" else 1.0
-        cells = [joint]
-        for stage in result.stages:
-            errors: dict[str, ReplayError] | None = getattr(stage, kind)
-            if errors is not None:
-                cells.append(error_words(errors[joint], scale, unit))
-        rows.append([*cells, f"{number(scale * noise[joint])} {unit}"])
+        unit = unit_at(revolute, joint_type)
+        cells = [error_words(of[joint], scale, unit) for of in errors if of is not None]
+        rows.append([joint, *cells, f"{number(scale * noise[joint])} {unit}"])
     if kind == "tracking":
         tools = [stage.tool for stage in result.stages if stage.tool is not None]
         rows.append([_TOOL, *(error_words(tool, 1e3, "mm") for tool in tools), "–"])
@@ -165,11 +162,9 @@ def error_rows(result: ReplayResult, kind: str) -> list[list[str]]:
 
 def error_words(error: ReplayError, scale: float, unit: str) -> str:
     """Return an error times `scale`, half-width of its 95 % interval, and ratio to the noise."""
-    half = 0.5 * scale * (error.high - error.low)
-    times = (
-        f" ({round_number(error.over_noise, 2)} × noise)" if np.isfinite(error.over_noise) else ""
-    )
-    return f"{scale * error.rms:.3g} ± {half:.1g} {unit}{times}"
+    half, times = 0.5 * scale * (error.high - error.low), round_number(error.over_noise, 2)
+    of_noise = f" ({times} × noise)" if np.isfinite(error.over_noise) else ""
+    return f"{scale * error.rms:.3g} ± {half:.1g} {unit}{of_noise}"
 
 
 def _replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Figure:
@@ -177,16 +172,14 @@ def _replay_figure(result: ReplayResult, series: ReplaySeries, index: int) -> Fi
     small, torque_unit = unit_at("mrad", joint_type), unit_at("N m", joint_type)
     chosen = peaks([series.error, *series.errors.values(), series.torque], _BUCKETS)
     # The robot is drawn last: thin, above the wider simulations.
-    robot = ("robot", series.error, series.torque, INK, 0.9)
-    simulated = [
-        (name, series.errors[name], series.torques[name], _COLOURS[name], 1.8)
-        for name in series.errors
-    ]
+    torques = {**series.torques, "robot": series.torque}
     drawn = []
-    for name, error, torque, colour, width in (*simulated, robot):
-        error_words, torque_words = f"{name} %{{y:.3g}} {small}", f"{name} %{{y:.3g}} {torque_unit}"
-        drawn.append(TimeCurve(1e3 * error[chosen], colour, width, error_words))
-        drawn.append(TimeCurve(torque[chosen], colour, width, torque_words, below=True))
+    for name, error in {**series.errors, "robot": series.error}.items():
+        colour, width = (_COLOURS[name], 1.8) if name in _COLOURS else (INK, 0.9)
+        size = f"{name} %{{y:.3g}}"
+        drawn.append(TimeCurve(1e3 * error[chosen], colour, width, f"{size} {small}"))
+        torque = torques[name][chosen]
+        drawn.append(TimeCurve(torque, colour, width, f"{size} {torque_unit}", below=True))
     return over_time(
         f"replay-{index}",
         _HEIGHT,

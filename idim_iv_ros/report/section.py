@@ -3,7 +3,7 @@
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,7 @@ from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.model.link_motion import Skeleton, skeleton
 from idim_iv_ros.recording.recording import SessionPart
-from idim_iv_ros.report.time_axis import SessionAxis, session_axis
+from idim_iv_ros.report.time_axis import SessionAxis
 
 # What a page calls the configuration where its file is not known.
 CONFIGURATION = "robot.yaml"
@@ -34,15 +34,10 @@ R = TypeVar("R", IdentificationResult, GapResult, Result)
 class Nominal:
     """The nominal model of a result, read again from its configuration; or why it is `missing`."""
 
-    configuration: Configuration | None
-    model: InverseModel | None
-    skeleton: Skeleton | None
-    missing: str
-
-    @property
-    def is_mjcf(self) -> bool:
-        """Return whether the nominal model is an MJCF, which also holds drive inertias."""
-        return self.configuration is not None and self.configuration.robot.mjcf is not None
+    missing: str = ""
+    model: InverseModel | None = None
+    skeleton: Skeleton | None = None
+    is_mjcf: bool = False  # which also holds drive inertias
 
 
 def read_nominal(document: Mapping[str, object]) -> Nominal:
@@ -51,17 +46,16 @@ def read_nominal(document: Mapping[str, object]) -> Nominal:
     Where the URDF came with the recording or does not exist any more, there is none: the report
     then leaves out what needs it.
     """
-    configuration = None
+    is_mjcf = False
     try:
         configuration = Configuration.model_validate_json(json.dumps(document))
-        urdf = configuration.robot.description
+        urdf, is_mjcf = configuration.robot.description, configuration.robot.mjcf is not None
         if urdf is None:
-            reason = "the URDF came with the recording, not with the configuration"
-            return Nominal(configuration, None, None, reason)
+            return Nominal("the URDF came with the recording, not with the configuration")
         model = build_inverse_model(configuration, read_urdf_file(urdf), urdf.name)
-        return Nominal(configuration, model, skeleton(model.robot), "")
+        return Nominal("", model, skeleton(model.robot), is_mjcf)
     except Exception as error:  # whatever is wrong with a file that was right before
-        return Nominal(configuration, None, None, one_line(error))
+        return Nominal(one_line(error), is_mjcf=is_mjcf)
 
 
 @dataclass(frozen=True)
@@ -120,39 +114,36 @@ class Report(Generic[R]):
     def session(self) -> SessionAxis:
         """Return the common time axis of the recordings."""
         if isinstance(self.result, GapResult):
-            return session_axis(self.result.session)
+            return SessionAxis(tuple(self.result.session))
         bags = self.result.bags
         parts = (SessionPart(Path(bag.path).name, bag.session_start, bag.duration) for bag in bags)
-        return session_axis(tuple(parts))
+        return SessionAxis(tuple(parts))
 
 
 @dataclass(frozen=True)
-class Section(Generic[R]):
-    """One section of a page, with what its template gets besides `title`, `result` and `files`.
+class Section:
+    """One section of a page.
 
-    The template is `template`, else that with the name of the anchor. It may print nothing, and a
-    context may be None: then the section is left out.
+    The template is `template`, else that with the name of the anchor. Where it prints nothing, the
+    section is left out.
     """
 
     title: str
     anchor: str
-    context: Callable[[Report[R]], Mapping[str, Any] | None] = lambda report: {}
     template: str = ""
 
-    def render(self, report: Report[R], templates: Environment) -> Markup | None:
+    def render(self, report: Report[Any], templates: Environment) -> Markup | None:
         """Return the section as HTML, or one line in its place where it cannot be drawn.
 
         A failure is a `ReportWarning`, since all numbers are in another file. With
         ``IDIM_IV_TRACEBACK`` set in the environment it is raised.
         """
         given: dict[str, Any] = {"anchor": self.anchor, "title": self.title}
+        result, files, diagnosis = report.result, report.files, report.numbers == GAP
         try:
-            shown = self.context(report)
-            if shown is None:
-                return None
             template = templates.get_template(f"{self.template or self.anchor}.html.j2")
-            given |= {"result": report.result, "files": report.files}
-            text = template.render(given | dict(shown))
+            shown = {"report": report, "result": result, "files": files, "diagnosis": diagnosis}
+            text = template.render(given | shown)
         except Exception as error:
             if os.environ.get("IDIM_IV_TRACEBACK"):
                 raise

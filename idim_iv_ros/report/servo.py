@@ -82,34 +82,31 @@ def headline(result: ServoResult) -> str:
     count, absolute = len(result.joints), sum(joint.absolute for joint in result.joints)
     worst = max(result.joints, key=lambda joint: joint.residual / max(joint.nominal, 1e-12))
     share = 100.0 * worst.residual / max(worst.nominal, 1e-12)
-    wrong = [check for check in result.gains if not check.agrees]
+    where = f" (worst: {worst.joint})" if count > 1 else ""
     text = (
         f"{absolute} of {plural(count, 'servo')} known in N m{_stiffness_words(result)}. The "
         f"simulated motion is within {1e3 * worst.residual:.2g} mrad rms of the measured one, "
-        f"{share:.2g} % of what perfect tracking misses"
-        f"{f' (worst: {worst.joint})' if count > 1 else ''}."
+        f"{share:.2g} % of what perfect tracking misses{where}."
     )
-    for check in wrong[:1]:
-        more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-        text += (
-            f" {check.recording} was said to have gain {check.given:.4g} at {check.joint}, and "
-            f"behaves as {check.low:.4g} to {check.high:.4g}{more}."
-        )
-    return text
+    wrong = [check for check in result.gains if not check.agrees]
+    if not wrong:
+        return text
+    check, more = wrong[0], f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+    return (
+        f"{text} {check.recording} was said to have gain {check.given:.4g} at {check.joint}, and "
+        f"behaves as {check.low:.4g} to {check.high:.4g}{more}."
+    )
 
 
 def _stiffness_words(result: ServoResult) -> str:
     """Return the least certain stiffness with its 95 % interval, to append to a sentence."""
-    widths = {
-        joint.joint: (number, (number.high - number.low) / number.value)
-        for joint in result.joints
-        if (number := joint.number("stiffness")) is not None and number.shown
-    }
-    if not widths:
+    numbers = {joint.joint: joint.number("stiffness") for joint in result.joints}
+    shown = {name: of for name, of in numbers.items() if of is not None and of.shown}
+    if not shown:
         return ""
-    joint = max(widths, key=lambda name: widths[name][1])
-    number = widths[joint][0]
-    least = f" at {joint}, the least certain" if len(widths) > 1 else ""
+    widths = {name: (of.high - of.low) / of.value for name, of in shown.items()}
+    joint = max(widths, key=widths.__getitem__)
+    number, least = shown[joint], f" at {joint}, the least certain" if len(shown) > 1 else ""
     return (
         f": stiffness {number.value:.3g} ({number.low:.3g} to {number.high:.3g}, 95 %) "
         f"{number.unit}{least}"
@@ -165,26 +162,19 @@ def error_rows(result: ServoResult) -> list[tuple[str, ...]]:
     """Return position errors of each joint, mrad: nominal, fit, held out, encoder resolution."""
     rows = []
     for joint in result.joints:
-        step = joint.resolution
-        cells = (joint.nominal, joint.residual, joint.held_out)
-        finest = "–" if step is None else f"{1e3 * step:.3g}"
-        rows.append((joint.joint, *(f"{1e3 * value:.3g}" for value in cells), finest))
+        sizes = (joint.nominal, joint.residual, joint.held_out, joint.resolution)
+        cells = ("–" if value is None else f"{1e3 * value:.3g}" for value in sizes)
+        rows.append((joint.joint, *cells))
     return rows
 
 
 def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
     """Return recording, joint, given gain, estimated gain, its interval, and whether they agree."""
-    return [
-        (
-            check.recording,
-            check.joint,
-            f"{check.given:.4g}",
-            f"{check.estimated:.4g}",
-            f"{check.low:.4g} to {check.high:.4g}",
-            "agrees" if check.agrees else "wrong",
-        )
-        for check in result.gains
-    ]
+    rows: list[tuple[str, ...]] = []
+    for of in result.gains:
+        numbers = f"{of.given:.4g}", f"{of.estimated:.4g}", f"{of.low:.4g} to {of.high:.4g}"
+        rows.append((of.recording, of.joint, *numbers, "agrees" if of.agrees else "wrong"))
+    return rows
 
 
 def _servo_figure(series: ServoSeries, index: int) -> Figure:

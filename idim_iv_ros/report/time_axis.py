@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,19 @@ _PAUSE = 0.02  # between two recordings, of the length of all
 
 @dataclass(frozen=True)
 class SessionAxis:
-    """Time axis on which recordings follow one another; `drawn`: start of each on the axis, s.
+    """Time axis on which recordings follow one another, with equal pauses between them.
 
-    Both fields are empty where the recordings are unknown.
+    `parts` is empty where the recordings are unknown.
     """
 
-    parts: tuple[SessionPart, ...]
-    drawn: tuple[float, ...]
+    parts: tuple[SessionPart, ...] = ()
+
+    @cached_property
+    def drawn(self) -> tuple[float, ...]:
+        """Return the start of each recording on the axis, s."""
+        pause = _PAUSE * sum(part.duration for part in self.parts)
+        lengths = (part.duration + pause for part in self.parts)
+        return tuple(itertools.accumulate(lengths, initial=0.0))[:-1]
 
     @property
     def words(self) -> str:
@@ -70,13 +77,6 @@ class SessionAxis:
             ],
             "margin": {"l": 58, "r": 12, "t": 22, "b": 40},  # room for the numbers above
         }
-
-
-def session_axis(parts: Sequence[SessionPart]) -> SessionAxis:
-    """Return the axis of recordings, with equal pauses between them."""
-    pause = _PAUSE * sum(part.duration for part in parts)
-    drawn = itertools.accumulate((part.duration + pause for part in parts[:-1]), initial=0.0)
-    return SessionAxis(tuple(parts), tuple(drawn) if parts else ())
 
 
 @dataclass(frozen=True)

@@ -49,12 +49,13 @@ def smooth(x: FloatArray, y: FloatArray, time: FloatArray) -> SmoothCurve:
     place = block * _CELLS + cell
     shape = (int(block.max()) + 1, _CELLS)
     size = shape[0] * _CELLS
-    counts = np.bincount(place, minlength=size).reshape(shape).astype(float)
-    sums = np.bincount(place, weights=y, minlength=size).reshape(shape)
+    counts, sums = (np.bincount(place, of, size).reshape(shape) for of in (None, y))
     # A kernel with unit height, so that counts stay numbers of rows.
     height = _WIDTH * np.sqrt(2.0 * np.pi)
-    near = height * gaussian_filter1d(counts, _WIDTH, axis=1, mode="constant")
-    total = height * gaussian_filter1d(sums, _WIDTH, axis=1, mode="constant")
+    near, total = (
+        height * gaussian_filter1d(of.astype(float), _WIDTH, axis=1, mode="constant")
+        for of in (counts, sums)
+    )
     rows = near.sum(axis=0)
     enough = rows >= _FEWEST_ROWS
     safe = np.where(enough, rows, 1.0)

@@ -87,9 +87,7 @@ def _restored(
 ) -> FloatArray:
     """The residual, and columns of the energy that estimating δ took out of it, (r, 1 + rank)."""
     residual = (target - regressors @ fit.coefficients)[:, None]
-    if ample:
-        return residual
-    return np.hstack([residual, regressors @ fit.covariance_root])
+    return residual if ample else np.hstack([residual, regressors @ fit.covariance_root])
 
 
 def _generalised_least_squares(
@@ -103,10 +101,5 @@ def _generalised_least_squares(
     width = regressors.shape[1]
     rest = basis.remove(whitened[:, -1])
     variance = float(rest @ rest) / max(1, len(target) - basis.rank)
-    return GlsRegression(
-        errors,
-        whitened,
-        basis.solve(whitened[:, -1], width),
-        np.sqrt(variance) * basis.inverse_root(width),
-        variance,
-    )
+    root = np.sqrt(variance) * basis.inverse_root(width)
+    return GlsRegression(errors, whitened, basis.solve(whitened[:, -1], width), root, variance)

@@ -49,20 +49,18 @@ class HypothesisTest:
 def f_test(
     null: str,
     scope: str,
-    *,
-    explained: float,
-    df: int,
-    unexplained: float,
-    df_denom: int,
-    max_deviation: float | None = None,
+    explained: tuple[float, int],
+    unexplained: tuple[float, int],
     torque_deviation_percent: float | None = None,
+    max_deviation: float | None = None,
 ) -> HypothesisTest:
-    """F-test that what `df` directions explain is no more than noise.
+    """F-test that what some directions explain is no more than noise.
 
-    `explained`, `unexplained`: sums of squares in the `df` directions and in the `df_denom` that
-    are left for the noise.
+    `explained`, `unexplained`: sum of squares and number of these directions, and of those that are
+    left for the noise.
     """
-    statistic = explained / df / (unexplained / df_denom)
+    (gained, df), (rest, df_denom) = explained, unexplained
+    statistic = gained / df / (rest / df_denom)
     p_value = float(scipy.stats.f.sf(statistic, df, df_denom))
     outcome = statistic, df, df_denom, p_value, max_deviation
     return HypothesisTest(null, scope, *outcome, torque_deviation_percent=torque_deviation_percent)

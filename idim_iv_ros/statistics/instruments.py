@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idim_iv_ros.estimation.least_squares import stacked_with_instruments
 from idim_iv_ros.estimation.qr import independent_basis, r_factor, stacked_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.statistics.gls import GlsRegression, gls_regression
@@ -56,14 +57,10 @@ def wald_test_of_instruments(
         columns = np.column_stack([rows.instruments, difference, errors])
         whitened = r_factor(fit.errors.whiten(columns, rows.segments))
         fits.append((rows, fit, whitened))
-        energy = torque_deviation(fit.coefficients, fit.covariance_root, rows.instruments)
-        percent = 100.0 * float(np.sqrt(energy) / np.linalg.norm(predicted))
-        largest = largest_deviation(_both(rows), len(difference))
-        tests.append(
-            _satterthwaite_f_test(
-                rows.name, whitened, len(rows.columns), len(difference), largest, percent
-            )
-        )
+        shape = len(difference), len(rows.columns)
+        largest = largest_deviation(rows.instrumental_r_factor[:, :-1], len(difference))
+        percent = _torque_percent(rows, parameters, fit.coefficients, fit.covariance_root)
+        tests.append(_satterthwaite_f_test(rows.name, whitened, shape, largest, percent))
     if fits:
         return (_test_of_all(fits, parameters), *tests)
     reasons = {test.reason or "" for test in tests}
@@ -93,56 +90,40 @@ def _test_of_all(
     `fits`: of each joint its rows, the regression of v on Z, and the R factor of the whitened
     [Z, (X − Z) β̂, draws].
     """
-    width = len(parameters)
-    n_rows = sum(len(rows.torque) for rows, _, _ in fits)
-    whitened, both, places, both_places = [], [], [], []
-    for rows, fit, factor in fits:
-        columns, sigma = rows.columns, np.sqrt(fit.variance)
-        more = factor.shape[1] - len(columns)
-        whitened.append(factor / sigma)
-        places.append(np.append(columns, np.arange(width, width + more)))
-        both.append(_both(rows) / sigma)
-        both_places.append(np.concatenate([columns, columns + width]))
-    stacked = stacked_r_factor(whitened, places, width + more)
+    joints, width = [rows for rows, _, _ in fits], len(parameters)
+    n_rows = sum(len(rows.torque) for rows in joints)
+    sigma = np.sqrt([fit.variance for _, fit, _ in fits])
+    more = fits[0][2].shape[1] - len(joints[0].columns)
+    stacked = stacked_r_factor(
+        [factor / deviation for (_, _, factor), deviation in zip(fits, sigma, strict=True)],
+        [np.append(rows.columns, np.arange(width, width + more)) for rows in joints],
+        width + more,
+    )
     basis = independent_basis(stacked[:, :width])
     delta, root = basis.solve(stacked[:, width], width), basis.inverse_root(width)
-    shares = []
-    for rows, _, _ in fits:
-        energy = torque_deviation(delta[rows.columns], root[rows.columns], rows.instruments)
-        prediction = rows.prediction(parameters)
-        shares.append(energy / float(prediction @ prediction))
-    return _satterthwaite_f_test(
-        "all",
-        stacked,
-        width,
-        n_rows,
-        largest_deviation(stacked_r_factor(both, both_places, 2 * width), n_rows),
-        100.0 * float(np.sqrt(np.mean(shares))),
-    )
-
-
-def _both(rows: JointRows) -> FloatArray:
-    reduced = rows.reduced
-    return np.hstack([reduced.instruments, reduced.matrix])
+    parts = [(rows, delta[rows.columns], root[rows.columns]) for rows in joints]
+    percents = [_torque_percent(rows, parameters, *solution) for rows, *solution in parts]
+    largest = largest_deviation(stacked_with_instruments(joints, width, sigma)[:, :-1], n_rows)
+    percent = float(np.sqrt(np.mean(np.square(percents))))
+    return _satterthwaite_f_test("all", stacked, (n_rows, width), largest, percent)
 
 
 def _satterthwaite_f_test(
     scope: str,
     factor: FloatArray,
-    width: int,
-    n_rows: int,
+    shape: tuple[int, int],
     deviation: float | None,
     torque_percent: float,
 ) -> HypothesisTest:
-    """F-test of δ = 0 from the R factor of the whitened [Z, (X − Z) β̂, draws].
+    """F-test of δ = 0 from the R factor of the whitened [Z, (X − Z) β̂, draws]; `shape` is Z's.
 
     Without draws Q = ‖P_Z (X − Z) β̂‖² is σ² χ²(b) under the null hypothesis. With them its
     covariance on the span of Z is σ² I + A, A that of the draws; Q is then compared with the
     scaled χ² of the same mean and variance (Satterthwaite), 2 tr (σ² I + A)².
     """
+    n_rows, width = shape
     basis = independent_basis(factor[:, :width])
-    projection = basis.vectors.T @ factor[:, width]
-    rest = basis.remove(factor[:, width])
+    projection, rest = basis.vectors.T @ factor[:, width], basis.remove(factor[:, width])
     rank, dof = basis.rank, n_rows - basis.rank
     unexplained = float(rest @ rest)
     if rank == 0 or dof <= 0 or unexplained <= 0.0:
@@ -160,16 +141,7 @@ def _satterthwaite_f_test(
     freedom = max(1, round(mean**2 / spread_of_energy))
     # Scaled to a sum of `freedom` squares of the noise's variance.
     scaled = float(projection @ projection) * variance * freedom / mean
-    return f_test(
-        VALID,
-        scope,
-        explained=scaled,
-        df=freedom,
-        unexplained=unexplained,
-        df_denom=dof,
-        max_deviation=deviation,
-        torque_deviation_percent=torque_percent,
-    )
+    return f_test(VALID, scope, (scaled, freedom), (unexplained, dof), torque_percent, deviation)
 
 
 def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
@@ -188,9 +160,8 @@ def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
     if basis.rank == 0 or len(seen) == 0 or dof <= 0:
         return None
     regressor, kept = regressor[:, seen], basis.kept
-    to_unit = np.linalg.norm(instruments[:, kept], axis=0)[:, None] / np.linalg.norm(
-        regressor, axis=0
-    )
+    sizes = np.linalg.norm(instruments[:, kept], axis=0)
+    to_unit = sizes[:, None] / np.linalg.norm(regressor, axis=0)
     difference = basis.solve(regressor - instruments[:, seen], width)[kept]
     spread_of_row = np.linalg.norm(np.linalg.inv(basis.upper), axis=1)
     noise = np.linalg.norm(basis.remove(regressor), axis=0) / np.sqrt(dof)
@@ -199,17 +170,17 @@ def largest_deviation(factor: FloatArray, n_rows: int) -> float | None:
     return float(entries[determined].max()) if determined.any() else None
 
 
-def torque_deviation(
-    coefficients: FloatArray, covariance_root: FloatArray, instruments: FloatArray
+def _torque_percent(
+    rows: JointRows, parameters: FloatArray, coefficients: FloatArray, covariance_root: FloatArray
 ) -> float:
-    """‖Z δ̂‖² less its expectation under δ = 0, at least 0, in N² m².
+    """100 ‖Z δ̂‖ / ‖X β̂‖ of unfiltered rows, ‖Z δ̂‖² less its expectation under δ = 0, at least 0.
 
     `coefficients` (c,): δ̂ of (X − Z) β̂ = Z δ + v; its covariance is covariance_root (c, k) times
-    its transpose; `instruments` (r, c): unfiltered.
+    its transpose.
     """
-    explained = instruments @ coefficients
-    by_noise = instruments @ covariance_root
-    return max(0.0, float(explained @ explained) - float(np.vdot(by_noise, by_noise)))
+    explained, by_noise = rows.instruments @ coefficients, rows.instruments @ covariance_root
+    energy = max(0.0, float(explained @ explained) - float(np.vdot(by_noise, by_noise)))
+    return 100.0 * float(np.sqrt(energy) / np.linalg.norm(rows.prediction(parameters)))
 
 
 def exogeneity_test(
@@ -221,24 +192,21 @@ def exogeneity_test(
     for "all" divided by the σ of the whitened residual. With instruments that do not come from a
     simulation V̂ is not the error of X.
     """
-    width = len(parameters)
-    factors, places, tests, n_rows = [], [], [], 0
+    whitened, sigmas, tests = [], [], []
     for rows in joints:
         # The residual has lost what estimating β took out of it; a filter fitted on it alone
         # made a true hypothesis fail 45 % of the time with 45 columns in 250 rows.
         model = gls_regression(rows.residual(parameters), rows.matrix, rows.segments).errors
         white = rows.whitened(model).reduced
-        factor = np.column_stack([white.instruments, white.matrix, white.torque])
-        tests.append(exogeneity_f_test(factor, len(rows), rows.name))
+        tests.append(exogeneity_f_test(white.instrumental_r_factor, len(rows), rows.name))
         sigma = float(np.linalg.norm(white.residual(parameters)) / np.sqrt(max(1, len(rows))))
         if sigma > 0.0:
-            factors.append(factor / sigma)
-            places.append(np.concatenate([rows.columns, rows.columns + width, [2 * width]]))
-            n_rows += len(rows)
-    if not factors:
+            whitened.append(white)
+            sigmas.append(sigma)
+    if not whitened:
         return (HypothesisTest.not_run(EXOGENOUS, "all", "there is no residual"), *tests)
-    whole = stacked_r_factor(factors, places, 2 * width + 1)
-    return (exogeneity_f_test(whole, n_rows, "all"), *tests)
+    whole = stacked_with_instruments(whitened, len(parameters), np.array(sigmas))
+    return (exogeneity_f_test(whole, sum(map(len, whitened)), "all"), *tests)
 
 
 def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> HypothesisTest:
@@ -249,12 +217,10 @@ def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> Hypothesis
     may be weighted and whitened; `scope`: "all" or the name of a joint.
     """
     width = (factor.shape[1] - 1) // 2
-    instruments, regressor = factor[:, :width], factor[:, width:-1]
-    torque = factor[:, -1]
+    instruments, regressor, torque = factor[:, :width], factor[:, width:-1], factor[:, -1]
     error = independent_basis(instruments).remove(regressor)
     span = independent_basis(regressor)
-    norms = np.linalg.norm(regressor, axis=0)
-    augmented = independent_basis(span.remove(error), norms)
+    augmented = independent_basis(span.remove(error), np.linalg.norm(regressor, axis=0))
     if augmented.rank == 0:
         reason = "the instruments reproduce the regressor, which is exogenous"
         return HypothesisTest.not_run(EXOGENOUS, scope, reason)
@@ -269,11 +235,4 @@ def exogeneity_f_test(factor: FloatArray, n_rows: int, scope: str) -> Hypothesis
     if unexplained <= np.finfo(float).eps * float(torque @ torque):
         return HypothesisTest.not_run(EXOGENOUS, scope, "the residual vanishes")
     gained = augmented.vectors.T @ restricted
-    return f_test(
-        EXOGENOUS,
-        scope,
-        explained=float(gained @ gained),
-        df=augmented.rank,
-        unexplained=unexplained,
-        df_denom=dof,
-    )
+    return f_test(EXOGENOUS, scope, (float(gained @ gained), augmented.rank), (unexplained, dof))

@@ -94,9 +94,8 @@ def diagnose_residual(
     n_lags = max(0, min(model.order + _EXTRA_LAGS, count // 5))
     understatement = _sigma_understatement(model, rows)
     whiteness = ljung_box(residual, rows.segments, WHITE, rows.name, n_lags, alpha=alpha)
-    harmless = (
-        model.predictable_share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
-    )
+    share = model.predictable_share
+    harmless = share < _HARMLESS_SHARE and understatement < _HARMLESS_UNDERSTATEMENT
     skewness, kurtosis, normality = _normality(whitened, rows.name, alpha)
     energy = float(rows.torque @ rows.torque)
     acf_whitened = autocorrelation(whitened, rows.segments, n_lags)
@@ -106,7 +105,7 @@ def diagnose_residual(
         relative_percent=100.0 * float(np.sqrt(residual @ residual / energy)) if energy else None,
         ar_order=model.order,
         white=None if whiteness.accepted is None else whiteness.accepted or harmless,
-        predictable_share=model.predictable_share,
+        predictable_share=share,
         sigma_understatement=understatement,
         largest_correlation_after=float(np.abs(acf_whitened[1:]).max(initial=0.0)),
         skewness=skewness,
@@ -128,15 +127,13 @@ def autocorrelation(series: FloatArray, segments: Sequence[slice], n_lags: int) 
     if len(series) == 0 or np.ptp(series) == 0.0:
         return np.append(1.0, np.zeros(n_lags))
     centred = series - series.mean()
-    segment_of = np.repeat(
-        np.arange(len(segments)), [segment.stop - segment.start for segment in segments]
-    )
-    correlation = np.ones(n_lags + 1)
+    lengths = [segment.stop - segment.start for segment in segments]
+    segment_of = np.repeat(np.arange(len(segments)), lengths)
+    products = [float(centred @ centred)]
     for lag in range(1, n_lags + 1):
         together = segment_of[lag:] == segment_of[:-lag]
-        correlation[lag] = np.sum(centred[lag:] * centred[:-lag] * together)
-    correlation[1:] /= float(centred @ centred)
-    return correlation
+        products.append(float(np.sum(centred[lag:] * centred[:-lag] * together)))
+    return np.array(products) / products[0]
 
 
 def ljung_box(
@@ -234,9 +231,7 @@ def mean_square_freedom(time: FloatArray, residual: FloatArray) -> float | None:
     for lag in range(1, lags + 1):
         weight = 1.0 - lag / (lags + 1.0)
         variance += 2.0 * weight * float(sums[lag:] @ sums[:-lag])
-    if variance <= 0.0:
-        return 1.0
-    return float(min(1.0, 2.0 * mean**2 * len(square) / variance))
+    return float(min(1.0, 2.0 * mean**2 * len(square) / variance)) if variance > 0.0 else 1.0
 
 
 def largest_share(

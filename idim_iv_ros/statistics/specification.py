@@ -107,9 +107,8 @@ def _test(
     beyond, spare = _directions(rows.instruments, functions)
     width = beyond.shape[1]
     if width == 0:
-        reason = f"{len(residual)} rows for {rows.instruments.shape[1]} columns are too few"
-        reason = "the model holds all of them" if spare > 0 else reason
-        return HypothesisTest.not_run(null, scope, reason)
+        few = f"{len(residual)} rows for {rows.instruments.shape[1]} columns are too few"
+        return HypothesisTest.not_run(null, scope, "the model holds all of them" if spare else few)
     if not np.any(residual):
         return HypothesisTest.not_run(null, scope, "the residual vanishes")
     both = np.column_stack([rows.instruments, beyond])
@@ -117,8 +116,7 @@ def _test(
     instruments = independent_basis(fit.whitened[:, : -width - 1])
     added = independent_basis(instruments.remove(fit.whitened[:, -width - 1 : -1]))
     left = instruments.remove(fit.whitened[:, -1])
-    gained = added.vectors.T @ left
-    rest = added.remove(left)
+    gained, rest = added.vectors.T @ left, added.remove(left)
     dof = len(residual) - instruments.rank - added.rank
     unexplained = float(rest @ rest)
     if added.rank == 0 or dof <= 0 or unexplained <= 0.0:
@@ -126,15 +124,8 @@ def _test(
     explained = float(np.linalg.norm(beyond @ added.solve(left, width))) ** 2
     noise = unexplained / dof * float(np.linalg.norm(beyond @ added.inverse_root(width))) ** 2
     torque = float(rows.torque @ rows.torque)
-    return f_test(
-        null,
-        scope,
-        explained=float(gained @ gained),
-        df=added.rank,
-        unexplained=unexplained,
-        df_denom=dof,
-        torque_deviation_percent=100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque)),
-    )
+    percent = 100.0 * float(np.sqrt(max(explained - noise, 0.0) / torque))
+    return f_test(null, scope, (float(gained @ gained), added.rank), (unexplained, dof), percent)
 
 
 def _directions(instruments: FloatArray, functions: FloatArray) -> tuple[FloatArray, int]:

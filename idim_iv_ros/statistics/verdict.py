@@ -65,16 +65,10 @@ def judge_joint(
     if noise is not None and residual.relative_percent is not None:
         beyond = beyond_noise(residual.relative_percent, residual.rms, noise)
     rejecting = [test for test in (instruments, *specification) if test.accepted is False]
+    largest = max(map(_percent, rejecting), default=0.0)
+    joint, rejected = residual.joint, instruments.accepted is False
     verdict, sentence, note = _verdict_of(instruments, residual, specification, beyond)
-    return JointVerdict(
-        residual.joint,
-        verdict,
-        f"{residual.joint}: {sentence}",
-        note,
-        torque_percent=beyond,
-        rejected_percent=max(map(_percent, rejecting), default=0.0),
-        rejected=instruments.accepted is False,
-    )
+    return JointVerdict(joint, verdict, f"{joint}: {sentence}", note, beyond, largest, rejected)
 
 
 def _verdict_of(
@@ -169,9 +163,7 @@ def _autocorrelated(residual: ResidualDiagnosis, head: str) -> str:
     return sentence
 
 
-def judge_all(
-    joints: Sequence[JointVerdict], instruments: HypothesisTest | None = None
-) -> OverallVerdict:
+def judge_all(joints: Sequence[JointVerdict], instruments: HypothesisTest) -> OverallVerdict:
     """Join the verdicts on all joints with the instrument test of all rows.
 
     `instruments`: the Wald test of Π = I, scope "all"; it sees what no joint shows alone.
@@ -200,20 +192,18 @@ def judge_all(
             sentence += f" The tests are inconclusive at {_names(inconclusive)}."
         return OverallVerdict("misspecified", sentence + small)
     alone = any(joint.rejected for joint in joints)
-    sizes = [joint.torque_percent for joint in joints]
-    if instruments is not None:
-        sizes.append(instruments.torque_deviation_percent)
+    sizes = [instruments.torque_deviation_percent, *(joint.torque_percent for joint in joints)]
     little = all(size is not None and size < SMALL_TORQUE_PERCENT for size in sizes)
-    if instruments is not None and instruments.accepted is False and not (little or alone):
-        return OverallVerdict(
-            "misspecified",
+    if instruments.accepted is False and not (little or alone):
+        sentence = (
             "No joint alone rejects its instruments, but all rows together do "
             f"(p = {instruments.p_value:.2g}): a small model error is shared by several joints, "
-            "run idim-iv diagnose, which looks for it.",
+            "run idim-iv diagnose, which looks for it."
         )
+        return OverallVerdict("misspecified", sentence)
     if inconclusive:
         where = "any joint" if len(inconclusive) == len(joints) else _names(inconclusive)
-        reason = instruments.reason if instruments is not None else None
+        reason = instruments.reason
         why = f": {reason}." if reason else "; the reason is given with each joint."
         sentence = f"The estimates could not be tested at {where}{why}"
         return OverallVerdict("inconclusive", sentence + small)

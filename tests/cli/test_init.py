@@ -276,7 +276,7 @@ def test_drivers_hold_what_a_configuration_may_hold(name: str) -> None:
     signals = Configuration.model_validate(whole).signals
     assert signals.reference is not None
     assert "effort_unit" in preset.keys["signals"]
-    assert "https://" in preset.path.read_text()  # the documentation that it follows
+    assert "https://" in driver_files()[name].read_text()  # the documentation that it follows
 
 
 def test_a_driver_of_the_user_is_a_file_of_the_same_form(run, bag, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from idim_iv_ros.report.numerals import MISSING, count, exact, measured, number,
 from idim_iv_ros.report.page import gap_report_html
 from idim_iv_ros.report.section import Nominal, read_nominal
 from idim_iv_ros.report.sections.parameters import changed_values
-from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves, session_axis
+from idim_iv_ros.report.time_axis import Curves, SessionAxis, curves
 from tests.report.sample_gap import sample_gap
 from tests.report.sample_result import sample_result
 
@@ -191,7 +191,7 @@ def test_counts_settings_p_values_and_shares_in_figures(text: str, expected: str
     assert text == expected
 
 
-ALONE = session_axis([])
+ALONE = SessionAxis()
 
 
 def _thin(series: JointSeries, session: SessionAxis) -> Curves:
@@ -223,7 +223,7 @@ def test_lines_are_interrupted_where_samples_do_not_count() -> None:
     np.testing.assert_array_equal(thinned.values[0], [0.0, 1.0, 2.0, np.nan, 3.0, 4.0])
 
 
-TWO = session_axis([SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)])
+TWO = SessionAxis((SessionPart("run1", 0.0, 1.0), SessionPart("run2", 1.01, 1.0)))
 
 
 def test_no_line_runs_from_one_recording_to_the_next() -> None:

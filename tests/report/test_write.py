@@ -5,7 +5,6 @@ import os
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -53,7 +52,7 @@ def test_a_disk_that_is_full_after_the_numbers_costs_the_page_alone(tmp_path, mo
     assert str(numbers) in line
 
 
-def _anchors(text: str, sections: tuple[Section[Any], ...]) -> set[str]:
+def _anchors(text: str, sections: tuple[Section, ...]) -> set[str]:
     """Sections that are on a page."""
     return {part.anchor for part in sections if f'<section id="{part.anchor}"' in text}
 
@@ -69,7 +68,7 @@ def test_no_section_of_a_report_costs_a_result_nor_the_other_sections(
     # Transmissions, a contrast and notes are not of every recording.
     assert len(there) > len(sections) / 2
     for number, section in enumerate(sections):
-        broken = replace(section, context=Mock(side_effect=ValueError("no negative\nelements")))
+        broken = replace(section, template="no negative\nelements")
         monkeypatch.setattr(page, which, (*sections[:number], broken, *sections[number + 1 :]))
         lines, (numbers, written) = _written(command, tmp_path / section.anchor, 2)
         assert json.loads(numbers.read_text(encoding="utf-8"))["robot"]

@@ -121,10 +121,10 @@ def test_the_joint_with_the_largest_residual_beyond_the_noise_is_named_first(whi
     """An effect at joint 2 may reject the instruments of others, and not its own."""
     accused = replace(judge_joint(rejected(3.0), white), joint="joint_3", torque_percent=1.2)
     quiet = replace(judge_joint(VALID, white), joint="joint_2", torque_percent=8.0)
-    sentence = judge_all([accused, quiet]).sentence
+    sentence = judge_all([accused, quiet], VALID).sentence
     assert "joint_2 (8 %" in sentence
     worse = replace(judge_joint(rejected(2.0), white), joint="joint_5", torque_percent=9.0)
-    sentence = judge_all([accused, quiet, worse]).sentence
+    sentence = judge_all([accused, quiet, worse], VALID).sentence
     assert sentence.index("joint_5") < sentence.index("joint_3")
     assert "largest at" not in sentence
 

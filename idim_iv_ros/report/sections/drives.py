@@ -1,6 +1,5 @@
 """Sections on what a joint does over its motion: friction, twist of the gear, and the residual."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -40,10 +39,8 @@ def twist_figure(result: GapResult, series: TransmissionSeries) -> Figure:
     index = result.joints.index(series.joint)
     torque, small = torque_unit(result, series.joint), small_unit(result, series.joint)
     hover = f"%{{y:.3g}} {small} at %{{x:.3g}} {torque}"
-    data: list[dict[str, Any]] = []
-    for sign, colour in ((1.0, FORWARD), (-1.0, BACKWARD)):
-        rows = series.direction * sign > 0.0
-        data.append(dots(series.load[rows], 1e3 * series.twist[rows], colour, 3.5))
+    sides = ((series.direction > 0.0, FORWARD), (series.direction < 0.0, BACKWARD))
+    data = [dots(series.load[at], 1e3 * series.twist[at], colour, 3.5) for at, colour in sides]
     ends = np.array([float(series.load.min()), float(series.load.max())])
     load = np.sort(np.append(ends, [-1e-9, 1e-9])) if ends[0] < 0.0 < ends[1] else ends
     law = np.zeros(len(load))
@@ -80,9 +77,8 @@ def friction_figure(result: GapResult, series: GapSeries) -> Figure:
         "yaxis": axis(f"Friction, {unit}", nticks=5, zeroline=True, zerolinecolor=GREY, range=ends),
     }
     words = f"Friction of {series.joint} over its speed: measured, nominal and fitted"
-    return Figure(
-        f"friction-{result.joints.index(series.joint)}", _FRICTION_HEIGHT, words, data, axes
-    )
+    anchor = f"friction-{result.joints.index(series.joint)}"
+    return Figure(anchor, _FRICTION_HEIGHT, words, data, axes)
 
 
 def _curves(
@@ -107,67 +103,50 @@ _GAP, _BETWEEN = 0.045, 0.05
 _SHORTEST = 1e-5  # rad or m; shorter distances since a reversal are drawn there
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row of panels: the residual of one model.
-
-    Rows with the same `scale` have the same range of the ordinate.
-    """
-
-    title: str
-    residual: FloatArray
-    scale: str
-
-
-def _rows(result: GapResult, series: GapSeries) -> list[Row]:
-    rows = []
+def _residuals(result: GapResult, series: GapSeries) -> dict[str, FloatArray]:
+    """Return the residual of each model, a row of panels each."""
+    models = {"refit": series.refit}
     # A refit hides what only the parameters of the nominal model have wrong.
     parametric = any(cause.kind == "parametric" for cause in result.causes)
     if series.given is not None and (parametric or not result.causes):
-        rows.append(Row("nominal", series.torque - series.given, "nominal"))
-    rows.append(Row("refit", series.torque - series.refit, "refit"))
+        models = {"nominal": series.given, **models}
     if extended_beyond_refit(series):
-        rows.append(Row("extended", series.torque - series.extended, "refit"))
-    return rows
+        models["extended"] = series.extended
+    return {name: series.torque - torque for name, torque in models.items()}
 
 
 def residual_figure(result: GapResult, series: GapSeries) -> Figure:
     """Return a figure of the residual of a joint over what an effect may follow, a row a model."""
-    rows = _rows(result, series)
+    rows = _residuals(result, series)
     unit = torque_unit(result, series.joint)
     panels = _panels(series, unit, unit_in(result, "rad", series.joint))
     data: list[dict[str, Any]] = []
     axes: dict[str, Any] = {}
-    limits = {row.scale: 0.0 for row in rows}
+    bottom = f"y{_suffix(len(rows) - 1)}"
+    limits = {True: 0.0, False: 0.0}  # of the nominal model, and of the fitted ones together
     for column, (x, x_axis) in enumerate(panels):
         low = column * (1.0 + _GAP) / len(panels)
         domain = [low, low + (1.0 + _GAP) / len(panels) - _GAP]
         name = _suffix(column)
-        axes[f"xaxis{name}"] = {
-            **x_axis,
-            "domain": domain,
-            "anchor": f"y{_suffix(len(rows) - 1)}",
-        }
-        for k, row in enumerate(rows):
-            traces, largest = _panel(series, x, row, unit)
+        axes[f"xaxis{name}"] = {**x_axis, "domain": domain, "anchor": bottom}
+        for k, (model, residual) in enumerate(rows.items()):
+            traces, largest = _panel(series, x, residual, unit)
             data += [{**trace, "xaxis": f"x{name}", "yaxis": f"y{_suffix(k)}"} for trace in traces]
-            limits[row.scale] = max(limits[row.scale], largest)
+            limits[model == "nominal"] = max(limits[model == "nominal"], largest)
     height = (1.0 - _BETWEEN * (len(rows) - 1)) / len(rows)
-    for k, row in enumerate(rows):
-        limit = 1.15 * limits[row.scale] or 1.0
+    for k, model in enumerate(rows):
+        limit = 1.15 * limits[model == "nominal"] or 1.0
         top = 1.0 - k * (height + _BETWEEN)
         axes[f"yaxis{_suffix(k)}"] = axis(
-            f"{row.title}, {unit}",
+            f"{model}, {unit}",
             domain=[max(top - height, 0.0), top],
             range=[-limit, limit],
             nticks=5,
             zeroline=True,
             zerolinecolor=GREY,
         )
-    words = (
-        f"Residual of {series.joint} over speed, position, load and distance since reversal: "
-        + ", ".join(row.title for row in rows)
-    )
+    over = "speed, position, load and distance since reversal"
+    words = f"Residual of {series.joint} over {over}: {', '.join(rows)}"
     anchor = f"residual-{result.joints.index(series.joint)}"
     return Figure(anchor, _ROW_HEIGHT * len(rows) + 44, words, data, axes)
 
@@ -215,17 +194,17 @@ def _speed_axis(speed: FloatArray, unit: str) -> dict[str, Any]:
 
 
 def _panel(
-    series: GapSeries, abscissa: FloatArray, row: Row, unit: str
+    series: GapSeries, abscissa: FloatArray, residual: FloatArray, unit: str
 ) -> tuple[list[dict[str, Any]], float]:
     """Return the traces of both directions in one panel, and their largest absolute value."""
     traces: list[dict[str, Any]] = []
     largest = 0.0
     directions = (("forwards", FORWARD, 1.0), ("backwards", BACKWARD, -1.0))
     for word, colour, sign in directions:
-        rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(row.residual))
+        rows = np.flatnonzero((sign * series.speed > 0.0) & np.isfinite(residual))
         if len(rows) < 2:
             continue
-        x, y = abscissa[rows], row.residual[rows]
+        x, y = abscissa[rows], residual[rows]
         curve = smooth(x, y, series.time[rows])
         traces += [
             dots(x, y, colour),

@@ -7,12 +7,12 @@ a key of the configuration. Of the others only the sum is known.
 import math
 import re
 from dataclasses import dataclass
-from typing import Any
 
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.model.parameters import words_of_name
+from idim_iv_ros.physical.result import BaseChange
 from idim_iv_ros.report.numerals import INTERVAL, is_number
-from idim_iv_ros.report.section import Nominal, Report, Result
+from idim_iv_ros.report.section import Nominal, Result
 
 
 def typeset(expression: str) -> str:
@@ -25,21 +25,11 @@ def typeset(expression: str) -> str:
 _LARGE = 0.1  # σ from which the change of a base parameter is listed
 
 
-def physical(report: Report[Any]) -> dict[str, Any] | None:
-    """Return what the section on the physical set shows; None where there was no search for one."""
-    nearest = report.result.physical
-    if nearest is None and not report.result.why_no_physical:
-        return None
-    moved = [
-        parameter
-        for parameter in (nearest.base if nearest is not None else ())
-        if is_number(parameter.deviations) and abs(parameter.deviations) >= _LARGE
-    ]
-    return {
-        "physical": nearest,
-        "moved": sorted(moved, key=lambda parameter: -abs(parameter.deviations)),
-        "numbers": report.files.here(report.numbers),
-    }
+def moved_parameters(result: Result) -> list[BaseChange]:
+    """Return base parameters that the physical set moves by 0.1 σ or more, the farthest first."""
+    base = () if result.physical is None else result.physical.base
+    moved = [p for p in base if is_number(p.deviations) and abs(p.deviations) >= _LARGE]
+    return sorted(moved, key=lambda parameter: -abs(parameter.deviations))
 
 
 # Kinds of standard parameters that can be set: in a URDF or the configuration, in an MJCF.
@@ -91,7 +81,7 @@ class ChangedValue:
 
 def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
     """Return all base parameters, those with an element or a key first, in order of joints."""
-    rows = []
+    numbers: list[tuple[str, str, float | None, float, float | None, str]]
     if isinstance(result, GapResult):
         expressions: dict[str, str] = {}
         given: dict[str, float] = {}
@@ -100,15 +90,18 @@ def changed_values(result: Result, nominal: Nominal) -> list[ChangedValue]:
             expressions = dict(zip(base.names, base.expressions, strict=True))
             if any(stage.name == "given" for stage in result.stages):
                 given = dict(zip(base.names, map(float, nominal.model.given), strict=True))
-        for name, by in result.extended_parameters.items():
-            words, key = _place(name, expressions.get(name, ""), result.joints, nominal)
-            numbers = given.get(name), by.value, by.std
-            rows.append(ChangedValue(name, words, key, *numbers, by.unit))
+        numbers = [
+            (name, expressions.get(name, ""), given.get(name), by.value, by.std, by.unit)
+            for name, by in result.extended_parameters.items()
+        ]
     else:
-        for p in result.parameters:
-            words, key = _place(p.name, p.expression, result.joints, nominal)
-            numbers = p.given_value, p.value, p.std
-            rows.append(ChangedValue(p.name, words, key, *numbers, p.unit))
+        numbers = [
+            (p.name, p.expression, p.given_value, p.value, p.std, p.unit) for p in result.parameters
+        ]
+    rows = []
+    for name, expression, before, new, std, unit in numbers:
+        words, key = _place(name, expression, result.joints, nominal)
+        rows.append(ChangedValue(name, words, key, before, new, std, unit))
     return sorted(rows, key=lambda row: not row.key)
 
 
@@ -125,17 +118,3 @@ def _place(
     link = nominal.skeleton.links[number] if nominal.skeleton else f"link {number + 1}"
     key = _ELEMENTS[parts[1]][nominal.is_mjcf]
     return words_of_name(name, joints), key.format(link=link, joint=joints[number], number=number)
-
-
-def changes(report: Report[Any]) -> dict[str, Any] | None:
-    """Return what the section on given and new values shows; None without parameters."""
-    rows = changed_values(report.result, report.nominal)
-    if not rows:
-        return None
-    return {
-        "single": [row for row in rows if row.key and row.significant is not False],
-        "kept": [row for row in rows if row.key and row.significant is False],
-        "sums": [row for row in rows if not row.key],
-        "config": report.files.config,
-        "given_known": any(row.given is not None for row in rows),
-    }

@@ -2,7 +2,7 @@
 
 import io
 from collections import Counter
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -14,26 +14,19 @@ from idim_iv_ros.report.numerals import with_unit
 from idim_iv_ros.report.section import Report
 
 
-def repeat(report: Report[Any]) -> dict[str, Any]:
-    """Return what the section on how to repeat the numbers shows."""
+def repeat_command(report: Report[Any]) -> str:
+    """Return the command that repeats the numbers of a page."""
     result = report.result
-    diagnosis = isinstance(result, GapResult)
     # Whoever reads the page elsewhere has the configuration from it, not its folder.
     name = PurePath(report.files.config).name
-    if diagnosis:
+    if isinstance(result, GapResult):
         options = [word for effect in result.without for word in ("--without", effect)]
         words = ["diagnose", *result.bags, "--config", name, "--out", "why", *options]
     else:
         options = [] if result.estimator == "idim-iv" else ["--estimator", result.estimator]
         bags = [bag.path for bag in result.bags]
         words = ["identify", *bags, "--config", name, "--out", "results", *options]
-    return {
-        "command": f"idim-iv {shell_command(*words)}",
-        "config": name,
-        "numbers": report.numbers,
-        "diagnosis": diagnosis,
-        "configuration": configuration_text(result.configuration),
-    }
+    return f"idim-iv {shell_command(*words)}"
 
 
 def configuration_text(configuration: dict[str, object]) -> str:
@@ -47,26 +40,23 @@ def configuration_text(configuration: dict[str, object]) -> str:
     return text.getvalue()
 
 
-def processing(report: Report[IdentificationResult]) -> dict[str, Any]:
-    """Return what the section on filters, rates and clocks shows."""
-    result = report.result
+def dropped_samples(result: IdentificationResult) -> dict[str, int]:
+    """Return how many decimated samples were used, and dropped for which reason."""
     dropped: Counter[str] = Counter()
     for bag in result.bags:
         dropped.update(bag.dropped)
-    lines = {"used": result.fit.samples} | {f"dropped: {why}": n for why, n in dropped.items()}
+    return {"used": result.fit.samples} | {f"dropped: {why}": n for why, n in dropped.items()}
+
+
+def decimation_words(result: IdentificationResult) -> str:
+    """Return which samples the decimation keeps."""
     factors = dict.fromkeys(result.processing.decimation_factors)
     kept = [f"1 of {factor}" if factor > 1 else "all" for factor in factors]
-    return {
-        "used": result.processing,
-        "decimation": "none" if kept == ["all"] else " or ".join(kept),
-        "dropped": lines,
-        "total": sum(lines.values()),
-        "names": {bag.path: Path(bag.path).name for bag in result.bags},
-        "seconds": _seconds,
-    }
+    return "none" if kept == ["all"] else " or ".join(kept)
 
 
-def _seconds(value: float) -> str:
+def seconds_words(value: float) -> str:
+    """Return a short time in s, ms or µs."""
     # Less than a nanosecond is rounding: ROS stamps hold no more.
     if value < 1e-9:
         return "0"

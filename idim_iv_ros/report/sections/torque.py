@@ -1,12 +1,12 @@
 """Sections on torque over time and what each model leaves of it, and on closed-loop tracking."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from idim_iv_ros.diagnosis.result.document import GapResult, Stage, TrackingSeries
 from idim_iv_ros.identification.result import IdentificationResult
+from idim_iv_ros.report import gap_words
 from idim_iv_ros.report.figures import (
     BLUE,
     GREY,
@@ -18,17 +18,8 @@ from idim_iv_ros.report.figures import (
     outline,
     over_time,
 )
-from idim_iv_ros.report.gap_words import (
-    drawable,
-    extended_beyond_refit,
-    held_out_words,
-    small_unit,
-    stage_words,
-    torque_unit,
-    torque_word,
-)
 from idim_iv_ros.report.numerals import is_interval, is_number, percent, with_unit
-from idim_iv_ros.report.section import Report
+from idim_iv_ros.report.section import Report, Result
 from idim_iv_ros.report.time_axis import Curves, curves, peaks
 from idim_iv_ros.types import FloatArray
 
@@ -46,26 +37,21 @@ class _Joint(NamedTuple):
     step: float | None
 
 
-def torque(report: Report[Any]) -> dict[str, Any] | None:
-    """Return what the section on torque over time shows; None without series."""
-    result = report.result
-    rows = _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
-    if not rows:
-        return None
+def torque_rows(result: Result) -> list[_Joint]:
+    """Return the curves of each joint that has a series."""
+    return _model_curves(result) if isinstance(result, GapResult) else _predicted_curves(result)
+
+
+def torque_marks(rows: list[_Joint]) -> list[tuple[str, str, str]]:
+    """Return entries of a legend for the models."""
     models = {name: colour for row in rows for name, _, colour in row.models}
-    return {
-        "diagnosis": isinstance(result, GapResult),
-        "session": report.session.words,
-        "models": [("line", colour, name) for name, colour in models.items()],
-        "rows": rows,
-        "figure": partial(_figure, report),
-    }
+    return [("line", colour, name) for name, colour in models.items()]
 
 
 def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
     rows = []
     for series, residual in zip(result.series, result.residuals, strict=True):
-        size = with_unit(residual.rms, torque_unit(result, series.joint), 2)
+        size = with_unit(residual.rms, gap_words.torque_unit(result, series.joint), 2)
         words = f"residual {percent(residual.relative_percent)}, rms {size}"
         models = [("predicted", series.predicted, BLUE)]
         rows.append(_Joint(series.joint, series.time, series.measured, models, words, None))
@@ -74,18 +60,19 @@ def _predicted_curves(result: IdentificationResult) -> list[_Joint]:
 
 def _model_curves(result: GapResult) -> list[_Joint]:
     rows = []
-    for series in drawable(result):
+    for series in gap_words.drawable(result):
         models = [] if series.given is None else [("nominal model", series.given, GREY)]
         models.append(("refit", series.refit, ORANGE))
-        if extended_beyond_refit(series):
+        if gap_words.extended_beyond_refit(series):
             models.append(("extended model", series.extended, BLUE))
-        words = held_out_words(result, series.joint)
+        words = gap_words.held_out_words(result, series.joint)
         rows.append(_Joint(series.joint, series.time, series.torque, models, words, series.step))
     return rows
 
 
-def _figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
-    unit, session = torque_unit(report.result, rows.joint), report.session
+def torque_figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
+    """Return a figure: measured and modelled torque above, measured less modelled below."""
+    unit, session = gap_words.torque_unit(report.result, rows.joint), report.session
     left = "Gap" if isinstance(report.result, GapResult) else "Residual"
     torques = [values for _, values, _ in rows.models]
     residuals = [rows.measured - values for values in torques]
@@ -111,7 +98,7 @@ def _figure(report: Report[Any], rows: _Joint, index: int) -> Figure:
         f"Measured torque of {rows.joint} and that of the models over time",
         thinned.time,
         drawn,
-        (f"{torque_word(unit)}, {unit}", f"{left}, {unit}"),
+        (f"{gap_words.torque_word(unit)}, {unit}", f"{left}, {unit}"),
         0.42,
         behind=[*_shade(thinned, "y", [*upper, measured]), *_shade(thinned, "y2", list(lower))],
         **session.marks(),
@@ -136,7 +123,7 @@ def _shade(thinned: Curves, y_axis: str, drawn: list[FloatArray]) -> list[dict[s
 Bar = tuple[str, float, float]
 
 
-def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
+def waterfall(result: GapResult, joint: str) -> dict[str, Any]:
     """Return the models with their bars at one joint, and the noise floor with its bar."""
     gap = next((gap for gap in result.where.joints if gap.joint == joint), None)
     floor = None if gap is None else gap.noise_floor
@@ -158,47 +145,30 @@ def _waterfall(result: GapResult, joint: str) -> dict[str, Any]:
             previous = value
         rows.append((stage, bars))
     bar = None if floor is None else ("full floor", 0.0, floor / largest)
-    return {"joint": joint, "gap": gap, "rows": rows, "floor": bar}
-
-
-def stages(report: Report[GapResult]) -> dict[str, Any] | None:
-    """Return what the section on the shrinking gap shows; None without stages."""
-    if not report.result.stages:
-        return None
-    result = report.result
-    return {"joints": [_waterfall(result, joint) for joint in result.joints]}
+    return {"gap": gap, "rows": rows, "floor": bar}
 
 
 _BUCKETS = 220
 
 
-def tracking(report: Report[GapResult]) -> dict[str, Any] | None:
-    """Return what the section on the simulated closed loop shows; None where there was none."""
-    result = report.result
+def tracked(result: GapResult) -> list[TrackingSeries]:
+    """Return the first series of each joint whose closed loop was simulated."""
     firsts: dict[str, TrackingSeries] = {}
     for series in result.tracking:
         if len(series.time):
             firsts.setdefault(series.joint, series)
-    if not firsts:
-        return None
-    return {
-        "missing": any(series.before is None or series.after is None for series in firsts.values()),
-        "before": _stage_name(result, 0),
-        "after": _stage_name(result, -1),
-        "drawn": list(firsts.values()),
-        "figure": partial(tracking_figure, result),
-    }
+    return list(firsts.values())
 
 
-def _stage_name(result: GapResult, place: int) -> str:
+def simulated_stage(result: GapResult, place: int) -> str:
     """Return in brackets the name of a simulated model by its place (0 first, -1 last)."""
     simulated = [stage.name for stage in result.stages if stage.tracking_rms is not None]
-    return f" ({stage_words(simulated[place])})" if simulated else ""
+    return f" ({gap_words.stage_words(simulated[place])})" if simulated else ""
 
 
 def tracking_figure(result: GapResult, series: TrackingSeries) -> Figure:
     """Return a figure: tracking errors above, simulated less recorded ones below."""
-    unit = small_unit(result, series.joint)
+    unit = gap_words.small_unit(result, series.joint)
     motions = (("before", series.before, GREY), ("after", series.after, BLUE))
     simulated = [(name, values, colour) for name, values, colour in motions if values is not None]
     # Both errors have the same reference: their difference is that of the positions.
