@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.recording.bags.joint_messages import JointMessages
-from idim_iv_ros.recording.clock import GAP, StampedMessages, stamp_messages
-from idim_iv_ros.recording.recording import Note, Signal
+from idim_iv_ros.recording.clock import GAP, stamp_messages
+from idim_iv_ros.recording.recording import Note, Signal, stretches_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Samples from which on a stretch without a gap is interpolated by a spline.
@@ -160,9 +160,9 @@ Pauses = tuple[IntArray, IntArray]
 """Intervals to cut out of time: where they begin and end, (k,) ns each."""
 
 
-def pauses_of(states: StampedMessages) -> tuple[Pauses, list[Note]]:
+def pauses_of(states: JointMessages) -> tuple[Pauses, list[Note]]:
     """Return the parts of long pauses to cut out, and a note if there are any."""
-    time = states.time
+    time = states.stamps
     steps = np.diff(time)
     shortest = max(round(LONGEST_PAUSE * 1e9), 3 * int(np.median(steps)))
     long = np.flatnonzero(steps > shortest)
@@ -177,30 +177,29 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, list[Note]]:
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
-    return (begin, end), [Note(states.messages.topic, what, 1, limits=True)]
+    return (begin, end), [Note(states.topic, what, 1, limits=True)]
 
 
 def without_pauses(
-    stamped: Mapping[str, StampedMessages], pauses: Pauses
-) -> Mapping[str, StampedMessages]:
+    stamped: Mapping[str, JointMessages], pauses: Pauses
+) -> Mapping[str, JointMessages]:
     """Cut pauses out of all topics."""
     begin, end = pauses
     if len(begin) == 0:
         return stamped
     removed, shortened = np.concatenate([[0], np.cumsum(end - begin)]), {}
     for topic, messages in stamped.items():
-        pause = np.searchsorted(begin, messages.time, side="right") - 1
-        outside = (pause < 0) | (messages.time >= end[np.maximum(pause, 0)])
+        pause = np.searchsorted(begin, messages.stamps, side="right") - 1
+        outside = (pause < 0) | (messages.stamps >= end[np.maximum(pause, 0)])
         kept = messages if outside.all() else messages.taken(np.flatnonzero(outside))
-        before = removed[np.searchsorted(end, kept.time, side="right")]
-        shortened[topic] = replace(kept, time=kept.time - before)
+        before = removed[np.searchsorted(end, kept.stamps, side="right")]
+        shortened[topic] = replace(kept, stamps=kept.stamps - before)
     return shortened
 
 
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
     """Replace the invented ones of the values (n,) of one joint by a smooth motion, in place."""
-    edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    begins, ends = stretches_of(invented)
     since = np.concatenate([[0], ends])  # where what is measured before each gap begins
     until = np.concatenate([begins[1:], [len(values)]])
     edge = max(_EDGE_SAMPLES, round(_EDGE * rate))
@@ -255,7 +254,7 @@ class Part:
     """
 
     columns: IntArray
-    stamped: Mapping[str, StampedMessages]
+    stamped: Mapping[str, JointMessages]
 
 
 def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:
@@ -308,14 +307,11 @@ def joined(
 
     `stepwise`: a value holds until the next one, as commands of servos do.
     """
-    first = parts[0].stamped[source].messages
-    origin, smooth = f"{first.topic} {first.origins.get(name, name)}", name == "position"
     topics = [part.stamped[source] for part in parts]
+    origin = f"{topics[0].topic} {topics[0].origins.get(name, name)}"
+    options = {"smooth": name == "position", "stepwise": stepwise}
     signals = [
-        on_grid(
-            grid, topic.time, topic.messages.values[name], origin, smooth=smooth, stepwise=stepwise
-        )
-        for topic in topics
+        on_grid(grid, topic.stamps, topic.values[name], origin, **options) for topic in topics
     ]
     if len(parts) == 1:
         return signals[0]

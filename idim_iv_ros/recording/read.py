@@ -176,12 +176,13 @@ def _assemble(
     frozen: tuple[FrozenStretches, ...] = ()
     for number, part in enumerate(parts):
         for source, topic in part.stamped.items():
-            notes += [*topic.notes, *topic.messages.notes(some_joints=source == links)]
+            notes += topic.notes(some_joints=source == links)
         if effort is not None:
             names = [joints[column] for column in part.columns]
             stamped, more = without_frozen(part.stamped, joint_states, effort, names, grid.start)
             parts[number], frozen = replace(part, stamped=stamped), frozen + more
-    clocks = [topic.quality for part in parts for topic in part.stamped.values()]
+    topics = [topic for part in parts for topic in part.stamped.values()]
+    clocks = [topic.clock for topic in topics if topic.clock is not None]
     if len({clock.source for clock in clocks}) > 1:
         what = "topics with different clocks: their delay is not known"
         notes.append(Note(joint_states, what, 1))
@@ -226,30 +227,29 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
     topics do not overlap, or there are too few samples or too many gaps.
     """
     states = max(
-        (part.stamped[request.joint_states].time for part in parts),
+        (part.stamped[request.joint_states].stamps for part in parts),
         key=lambda time: float(np.median(np.diff(time))),
     )
     topics = [stamped for part in parts for stamped in part.stamped.items()]
-    needed = [
-        topic.time for source, topic in topics if source in (request.joint_states, request.effort)
-    ]
+    measured = (request.joint_states, request.effort)
+    needed = [topic.stamps for source, topic in topics if source in measured]
     first = max(int(time[0]) for time in needed)
     last = min(int(time[-1]) for time in needed)
-    jumps = [note.sentence for _, topic in topics for note in topic.notes if note.limits]
+    jumps = [note.sentence for _, topic in topics for note in topic.said if note.limits]
     because = f" ({'; '.join(dict.fromkeys(jumps))})" if jumps else ""
     apart = f"do not overlap in time{because}"
     notes: list[Note] = []
     if last <= first:
         raise DataError(f"{path}: {request.joint_states} and {request.effort} {apart}")
     for source, topic in topics:
-        if topic.time[-1] < first or topic.time[0] > last:
+        if topic.stamps[-1] < first or topic.stamps[0] > last:
             raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
             # Outside, the control law does not act. A plain topic of references limits nothing:
             # after its last message the robot stands still.
             begin, end = first, last
-            active = topic.time[np.isfinite(topic.messages.values["position"]).all(axis=1)]
-            if topic.messages.origins and len(active):
+            active = topic.stamps[np.isfinite(topic.values["position"]).all(axis=1)]
+            if topic.origins and len(active):
                 begin, end = max(first, int(active[0])), min(last, int(active[-1]))
             before, after = (begin - first) * 1e-9, (last - end) * 1e-9
             if max(before, after) >= _NOTED:
@@ -276,7 +276,7 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
 
 def _velocity(grid: Grid, parts: Sequence[Part], source: str) -> Signal | None:
     """Return the velocities of a source; None if some joint has none."""
-    values = (part.stamped[source].messages.values["velocity"] for part in parts)
+    values = (part.stamped[source].values["velocity"] for part in parts)
     complete = all(np.isfinite(velocity).any(axis=0).all() for velocity in values)
     return joined(grid, parts, source, "velocity") if complete else None
 

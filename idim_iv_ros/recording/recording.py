@@ -13,7 +13,13 @@ from typing import Literal
 import numpy as np
 
 from idim_iv_ros.errors import UsageError, first_of
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+
+def stretches_of(marked: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the first sample of each run of marked ones (n,), and the sample behind it, (k,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]])))
+    return edges[::2], edges[1::2]
 
 
 @dataclass(frozen=True)

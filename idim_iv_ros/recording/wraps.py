@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from idim_iv_ros.recording.clock import GAP, StampedMessages
+from idim_iv_ros.recording.bags.joint_messages import JointMessages
+from idim_iv_ros.recording.clock import GAP
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -40,39 +41,38 @@ class Unwrapped:
 
 
 def without_wraps(
-    stamped: Mapping[str, StampedMessages],
+    stamped: Mapping[str, JointMessages],
     joint_states: str,
     followers: Sequence[str],
     joints: Sequence[str],
     sliding: Collection[str],
-) -> dict[str, StampedMessages]:
+) -> dict[str, JointMessages]:
     """Remove the wraps of positions, and bring references and link positions to the same turn.
 
     `stamped`: messages of each topic. `joint_states`, `followers`: topics of the positions, and of
     references or encoders behind the gears. `sliding`: prismatic joints, which have no turns.
     """
-    new = dict(stamped)
+    new, states = dict(stamped), stamped[joint_states]
     for column, joint in enumerate(joints):
         if joint in sliding:
             continue
-        states = stamped[joint_states]
-        position = unwrapped(states.time, states.messages.values["position"][:, column])
+        position = unwrapped(states.stamps, states.values["position"][:, column])
         if position.wraps:
             new[joint_states] = _with_positions(new[joint_states], column, joint, position)
         for follower in followers:
             if follower != joint_states:
-                new[follower] = _follow_turns(position, states.time, new[follower], column, joint)
+                new[follower] = _follow_turns(position, states.stamps, new[follower], column, joint)
     return new
 
 
 def _follow_turns(
-    position: Unwrapped, time: IntArray, topic: StampedMessages, column: int, joint: str
-) -> StampedMessages:
+    position: Unwrapped, time: IntArray, topic: JointMessages, column: int, joint: str
+) -> JointMessages:
     """Return a topic without wraps, one joint in the turns of its position at `time` (n,)."""
-    reference = unwrapped(topic.time, topic.messages.values["position"][:, column])
+    reference = unwrapped(topic.stamps, topic.values["position"][:, column])
     if not np.isfinite(reference.position).any() or not np.isfinite(position.position).any():
         return topic
-    turns = _turns_between(time, position, topic.time, reference)
+    turns = _turns_between(time, position, topic.stamps, reference)
     if not reference.wraps and not turns.any():
         return topic
     whole = replace(reference, position=reference.position + TURN * turns)
@@ -131,12 +131,12 @@ def _turns_between(
 
 
 def _with_positions(
-    stamped: StampedMessages, column: int, joint: str, position: Unwrapped
-) -> StampedMessages:
-    values = stamped.messages.values["position"].copy()
+    stamped: JointMessages, column: int, joint: str, position: Unwrapped
+) -> JointMessages:
+    values = stamped.values["position"].copy()
     values[:, column] = position.position
     times = "once" if position.wraps == 1 else f"{position.wraps} times"
     sentence = f"position of {joint} wraps after one turn ({times}): unwrapped"
     if not position.wraps:
         sentence = f"the reference of {joint} is put into the same turn as its position"
-    return stamped.with_values("position", values, Note(stamped.messages.topic, sentence, 1))
+    return stamped.with_values("position", values, Note(stamped.topic, sentence, 1))

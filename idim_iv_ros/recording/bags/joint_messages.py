@@ -18,7 +18,7 @@ from idim_iv_ros.recording.bags.joint_message_type import (
     JointMessageType,
     JointValues,
 )
-from idim_iv_ros.recording.recording import Note
+from idim_iv_ros.recording.recording import ClockQuality, Note
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -29,14 +29,16 @@ _STAMP = slice(4, 12)  # in the bytes of a JointState
 
 @dataclass(frozen=True)
 class JointMessages:
-    """All messages of one topic, in the order of the file.
+    """All messages of one topic, in the order of the file, or of time after `stamp_messages`.
 
-    `stamps`, `arrival` (n,) int: header stamp (zero without header) and log time, ns. `values`: (n,
-    n_joints) of each quantity, NaN where a message lacks the joint. `layout` (n,) int: number of
-    the layout (joint order, fields) of each message; `named` (n_layouts, n_joints) bool: joints
-    that it names. `damaged`, `passed`: numbers of unreadable messages, and of those that name other
-    joints only, say of a gripper. `names`: all joint names. `origins`: field by quantity, where the
-    type has several. `ranges`: least and largest position of joints not requested, rad (m).
+    `stamps`, `arrival` (n,) int: header stamp (zero without header; after `stamp_messages` when the
+    values were sampled, which increases) and log time, ns. `values`: (n, n_joints) of each
+    quantity, NaN where a message lacks the joint. `layout` (n,) int: number of the layout (joint
+    order, fields) of each message; `named` (n_layouts, n_joints) bool: joints that it names.
+    `damaged`, `passed`: numbers of unreadable messages, and of those that name other joints only,
+    say of a gripper. `names`: all joint names. `origins`: field by quantity, where the type has
+    several. `ranges`: least and largest position of joints not requested, rad (m). `clock`: set by
+    `stamp_messages`. `said`: what was done to the messages.
     """
 
     topic: str
@@ -50,16 +52,18 @@ class JointMessages:
     names: tuple[str, ...]
     origins: dict[str, str] = field(default_factory=dict)
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    clock: ClockQuality | None = None
+    said: tuple[Note, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stamps)
 
-    def notes(self, *, some_joints: bool = False) -> list[Note]:
-        """Return notes for the user: messages left out, changing layouts, missing values.
+    def notes(self, *, some_joints: bool) -> list[Note]:
+        """Return notes for the user: what was done, left out, changing layouts, missing values.
 
         With `some_joints`, joints without any value do not count as missing.
         """
-        notes = []
+        notes = list(self.said)
         if self.passed:
             notes.append(Note(self.topic, "messages of other joints were passed over", self.passed))
         if self.damaged:
@@ -86,6 +90,10 @@ class JointMessages:
             values={name: values[places] for name, values in self.values.items()},
             layout=self.layout[places],
         )
+
+    def with_values(self, name: str, values: FloatArray, *notes: Note) -> "JointMessages":
+        """Return the messages with other values (n, n_joints) of a field, and notes added."""
+        return replace(self, values={**self.values, name: values}, said=(*self.said, *notes))
 
 
 class _Block(NamedTuple):
@@ -165,7 +173,8 @@ class JointMessageReader:
     _layouts: dict[object, _Layout] = field(default_factory=dict)
     _merged: int = 0
     _waiting: int = 0
-    _parts: list[tuple[tuple[IntArray, ...], dict[str, FloatArray]]] = field(default_factory=list)
+    # Stamps, times of arrival and layouts (3, n), and values.
+    _parts: list[tuple[IntArray, dict[str, FloatArray]]] = field(default_factory=list)
 
     def add(self, batch: MessageBatch) -> None:
         """Decode a batch; JointStates of equal layout are decoded together."""
@@ -204,7 +213,7 @@ class JointMessageReader:
         read = which >= 0
         self.passed += int(np.count_nonzero(which == _PASSED))
         kept = {name: values[read] for name, values in columns.items()}
-        self._parts.append(((stamps[read], batch.arrival[read], which[read]), kept))
+        self._parts.append((np.array([stamps, batch.arrival, which])[:, read], kept))
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
             self._merge(self._merged)
@@ -256,19 +265,18 @@ class JointMessageReader:
     def _merge(self, first: int) -> None:
         """Concatenate the parts from `first` on: many small arrays fragment the memory."""
         parts, merged, width = self._parts[first:], {}, len(self.joints)
+        heads = np.hstack([np.zeros((3, 0), dtype=np.int64), *(head for head, _ in parts)])
         for name in self.fields:
             if any(name in values for _, values in parts):
                 # NaN where a field is missing, and for joints that came later.
-                merged[name] = np.full((sum(len(head[0]) for head, _ in parts), width), np.nan)
+                merged[name] = np.full((heads.shape[1], width), np.nan)
                 end = 0
                 for head, values in parts:
-                    begin, end = end, end + len(head[0])
+                    begin, end = end, end + head.shape[1]
                     if name in values:
                         piece = values.pop(name)
                         merged[name][begin:end, : piece.shape[1]] = piece
-        nothing = np.zeros(0, dtype=np.int64)
-        heads = [np.concatenate([nothing, *(head[k] for head, _ in parts)]) for k in range(3)]
-        self._parts[first:] = [(tuple(heads), merged)]
+        self._parts[first:] = [(heads, merged)]
         self._merged, self._waiting = len(self._parts), 0
 
     def before(self, arrival: int) -> "JointMessageReader":
@@ -279,7 +287,7 @@ class JointMessageReader:
             inside = heads[1] < arrival
             for reader, chosen in ((earlier, inside), (self, ~inside)):
                 kept = {name: value[chosen] for name, value in values.items()}
-                reader._parts.append((tuple(head[chosen] for head in heads), kept))
+                reader._parts.append((heads[:, chosen], kept))
         self.damaged = self.passed = self._merged = self._waiting = 0
         return earlier
 
@@ -287,13 +295,12 @@ class JointMessageReader:
         """Return all messages that were read; the reader is empty afterwards."""
         self._merge(0)
         (stamps, arrival, layout), read = self._parts.pop()
-        width = len(self.joints)
-        absent = np.broadcast_to(np.nan, (len(stamps), width))
+        absent = np.broadcast_to(np.nan, (len(stamps), len(self.joints)))
         values = {name: read.get(name, absent) for name in self.fields}
         self._merged = 0
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
-        named = np.zeros((len(self._layouts), width), dtype=bool)
+        named = np.zeros((len(self._layouts), len(self.joints)), dtype=bool)
         for met in self._layouts.values():
             names.update(dict.fromkeys(met.names))
             named[met.number, met.columns] = True
@@ -304,7 +311,7 @@ class JointMessageReader:
 
 
 def checked_messages(
-    path: Path, reader: JointMessageReader, *, optional: bool = False
+    path: Path, reader: JointMessageReader, *, optional: bool
 ) -> tuple[JointMessages, list[Note]]:
     """Return the messages without impossible values, and notes on what was left out.
 
