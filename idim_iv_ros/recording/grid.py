@@ -249,12 +249,11 @@ class Part:
     """Joints whose values come in the same messages, and these messages by source.
 
     An arm and its gripper may have separate messages on one topic, with other stamps and rates:
-    every part is sorted, stamped and interpolated separately. `columns` (k,) int: places of its
-    joints among all; `stamped`: messages with these columns only.
+    every part is sorted, stamped and interpolated separately.
     """
 
-    columns: IntArray
-    stamped: Mapping[str, JointMessages]
+    columns: IntArray  # (k,), places of its joints among all
+    stamped: Mapping[str, JointMessages]  # with these columns only
 
 
 def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:

@@ -173,26 +173,20 @@ _LISTED = 6
 
 @dataclass(frozen=True)
 class SessionPart:
-    """Place of one recording in its session: `start` from its start, and `duration`, s.
+    """Place of one recording in its session."""
 
-    `bag`: name of its file or folder, with the path where two have the same name.
-    """
-
-    bag: str
-    start: float
-    duration: float
+    bag: str  # name of its file or folder, with the path where two have the same name
+    start: float  # s from the start of the session
+    duration: float  # s
 
 
 @dataclass(frozen=True)
 class Session:
-    """Recordings by their first stamps, with a common time, in which no `parts` overlap.
-
-    `sentences`: how stamps became the time of the session; empty for a single recording.
-    """
+    """Recordings by their first stamps, with a common time, in which no `parts` overlap."""
 
     recordings: tuple[Recording, ...]
     parts: tuple[SessionPart, ...]
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...]  # how stamps became the time of the session; empty for one recording
 
 
 def session_of(recordings: Sequence[Recording]) -> Session:

@@ -45,18 +45,15 @@ _QUANTITIES = {
 
 @dataclass(frozen=True)
 class Request:
-    """Joints and topics to read of a bag, and which joints are known to be prismatic.
-
-    A topic may be given with a field, ``topic#field``. `effort` is None for robots without efforts.
-    `node_topics`: full names of the calling node, by relative name.
-    """
+    """Joints and topics to read of a bag; a topic may have a field, ``topic#field``."""
 
     joints: Sequence[str]
     joint_states: str
-    effort: str | None
+    effort: str | None  # None for robots without efforts
     reference: str | None
-    prismatic: Collection[str] = ()
+    prismatic: Collection[str] = ()  # joints that are known to be
     link_states: str | None = None
+    # Full names of the calling node, by relative name.
     node_topics: Mapping[str, str] = field(default_factory=dict)
 
     @property

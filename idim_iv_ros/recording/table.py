@@ -275,9 +275,7 @@ def import_table(
             joints,
             str(table),
             "mend the table or leave these rows out",
-            row="row",
-            first=0,
-            missing=True,
+            table=True,
         )
         if sentence:
             warnings.append(f"{table}: {sentence}; imported as missing")

@@ -67,15 +67,10 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
         from scipy.io import whosmat  # here, because a recorder starts faster without it
 
         return {name: shape for name, shape, _ in whosmat(path)}
-    shapes: dict[str, tuple[int, ...]] = {}
-
-    def add(name: str, item: Any) -> None:
-        if hasattr(item, "shape"):
-            shapes[name] = item.shape
-
     with needs_tables(path, "h5py").File(path) as file:
-        file.visititems(add)
-    return shapes
+        names: list[str] = []
+        file.visit(names.append)
+        return {name: file[name].shape for name in names if hasattr(file[name], "shape")}
 
 
 def read_array(path: Path, name: str) -> FloatArray:

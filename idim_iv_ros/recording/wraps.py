@@ -29,15 +29,11 @@ _WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A position without wraps, (n,) rad.
+    """A position without wraps."""
 
-    `wraps`: how many were removed. `breaks` (k,) int: samples behind gaps, from which on the number
-    of turns is a guess.
-    """
-
-    position: FloatArray
-    wraps: int
-    breaks: IntArray
+    position: FloatArray  # (n,), rad
+    wraps: int  # how many were removed
+    breaks: IntArray  # (k,), samples behind gaps, from which on the number of turns is a guess
 
 
 def without_wraps(

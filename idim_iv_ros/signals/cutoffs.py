@@ -21,18 +21,13 @@ _HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
 
 @dataclass(frozen=True)
 class Cutoffs:
-    """What the signals are filtered with, and why.
+    """What the signals are filtered with, and why."""
 
-    `position`, `decimation`: Hz. `factors`: decimation factor of each recording. `row_rate`:
-    decimated samples per second, the same for all recordings, Hz. `reasons`: one sentence for each
-    value that was proposed or derived.
-    """
-
-    position: float
-    decimation: float
-    factors: tuple[int, ...]
-    row_rate: float
-    reasons: tuple[str, ...]
+    position: float  # Hz
+    decimation: float  # Hz
+    factors: tuple[int, ...]  # of the decimation of each recording
+    row_rate: float  # decimated samples per second, the same for all recordings, Hz
+    reasons: tuple[str, ...]  # one sentence for each value that was proposed or derived
 
 
 def choose_cutoffs(

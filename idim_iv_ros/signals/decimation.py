@@ -36,29 +36,22 @@ _SMALLEST = {np.dtype(np.float64): 1e-200, np.dtype(np.float32): 1e-30}
 
 @dataclass(frozen=True)
 class Chunk:
-    """Decimated samples `kept` (indices in the full record) and the samples needed for them.
-
-    `places`: of these samples among all decimated ones.
-    """
+    """Samples `first` to `last`, the end excluded, which decimated ones need."""
 
     first: int
     last: int
-    kept: NDArray[np.int64]
-    places: slice
+    kept: NDArray[np.int64]  # decimated samples, as indices in the full record
+    places: slice  # of these among all decimated ones
 
 
 @dataclass(frozen=True)
 class ParallelDecimation:
-    """Keep one sample in `factor` of a record of `samples`, after the low-pass filter.
+    """Keep one sample in `factor` of a record of `samples`, after the low-pass filter."""
 
-    `factor`: 1 keeps everything and filters nothing. `edge`: of the filter, as a share of the new
-    Nyquist frequency. `phase`: which sample of each group is kept; MATLAB keeps the last one.
-    """
-
-    factor: int
+    factor: int  # 1 keeps everything and filters nothing
     samples: int
-    edge: float
-    phase: Literal["first", "last"] = "first"
+    edge: float  # of the filter, as a share of the new Nyquist frequency
+    phase: Literal["first", "last"] = "first"  # sample that is kept of each group; MATLAB: the last
 
     @property
     def kept(self) -> NDArray[np.int64]:

@@ -29,31 +29,25 @@ _STAMP = slice(4, 12)  # in the bytes of a JointState
 
 @dataclass(frozen=True)
 class JointMessages:
-    """All messages of one topic, in the order of the file, or of time after `stamp_messages`.
+    """All messages of one topic, in the order of the file; `stamp_messages` puts them in time's.
 
-    `stamps`, `arrival` (n,) int: header stamp (zero without header; after `stamp_messages` when the
-    values were sampled, which increases) and log time, ns. `values`: (n, n_joints) of each
-    quantity, NaN where a message lacks the joint. `layout` (n,) int: number of the layout (joint
-    order, fields) of each message; `named` (n_layouts, n_joints) bool: joints that it names.
-    `damaged`, `passed`: numbers of unreadable messages, and of those that name other joints only,
-    say of a gripper. `names`: all joint names. `origins`: field by quantity, where the type has
-    several. `ranges`: least and largest position of joints not requested, rad (m). `clock`: set by
-    `stamp_messages`. `said`: what was done to the messages.
+    `layout`: number of the layout (joint order, fields) of each message.
     """
 
     topic: str
-    stamps: IntArray
-    arrival: IntArray
-    values: dict[str, FloatArray]
-    layout: IntArray
-    named: BoolArray
-    damaged: int
-    passed: int
-    names: tuple[str, ...]
-    origins: dict[str, str] = field(default_factory=dict)
+    stamps: IntArray  # (n,), of the header (zero without), then increasing times of sampling, ns
+    arrival: IntArray  # (n,), log time, ns
+    values: dict[str, FloatArray]  # (n, n_joints) by quantity, NaN where a message lacks the joint
+    layout: IntArray  # (n,)
+    named: BoolArray  # (n_layouts, n_joints), joints that a layout names
+    damaged: int  # number of unreadable messages
+    passed: int  # number of those that name other joints only, say of a gripper
+    names: tuple[str, ...]  # of all joints
+    origins: dict[str, str] = field(default_factory=dict)  # field by quantity, if the type has some
+    # Least and largest position of joints not requested, rad (m).
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
-    clock: ClockQuality | None = None
-    said: tuple[Note, ...] = ()
+    clock: ClockQuality | None = None  # set by `stamp_messages`
+    said: tuple[Note, ...] = ()  # what was done to the messages
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -140,33 +134,24 @@ def _equal_layout(
 
 @dataclass(frozen=True)
 class _Layout:
-    """Joints and fields that messages have in common.
+    """Joints and fields that messages have in common."""
 
-    `number`: from 0, in the order of occurrence. `names`: joints in a message. `columns`, `places`
-    (k,) int: of the requested joints in the result, and in the message. `origins`: `JointMessages`.
-    """
-
-    number: int
-    names: tuple[str, ...]
-    columns: IntArray
-    places: IntArray
-    origins: dict[str, str]
+    number: int  # from 0, in the order of occurrence
+    names: tuple[str, ...]  # of the joints in a message
+    columns: IntArray  # (k,), of the requested joints in the result
+    places: IntArray  # (k,), of these in the message
+    origins: dict[str, str]  # see `JointMessages`
 
 
 @dataclass
 class JointMessageReader:
-    """Decodes batches of one topic and collects the requested fields.
+    """Decodes batches of one topic and collects the requested fields."""
 
-    `topic`: name by the user, perhaps with a field. `fields`: ``position``, ``velocity`` or
-    ``effort``; for an array of numbers ``effort`` is its data. `grows`: whether joints that
-    messages name are appended to `joints`.
-    """
-
-    topic: str
+    topic: str  # name by the user, perhaps with a field
     kind: JointMessageType
     joints: Sequence[str]
-    fields: Sequence[str]
-    grows: bool = False
+    fields: Sequence[str]  # position, velocity or effort, which is the data of an array of numbers
+    grows: bool = False  # whether joints that messages name are appended to `joints`
     damaged: int = 0
     passed: int = 0
     _ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -373,25 +358,23 @@ def without_impossible(
     where: str,
     advice: str,
     *,
-    row: str = "message",
-    first: int = 1,
-    missing: bool = False,
+    table: bool = False,
 ) -> tuple[FloatArray, str]:
     """Replace impossible values by NaN; return the values and a sentence on them, or an empty one.
 
     `name`: ``position``, ``velocity`` or ``effort`` of `joints`, in `values` (n, n_joints).
-    `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row, and number of
-    the first one. `missing`: whether NaN is impossible, too.
+    `where`, `advice`: beginning and end of the error. In a `table` rows count from 0, and NaN is
+    impossible, too.
 
     Raises DataError: too many values are impossible.
     """
-    most = LARGEST[name]
+    most, row, first = LARGEST[name], "row" if table else "message", 0 if table else 1
     # The least and the greatest are found without a copy; NaN makes both of them NaN.
     if values.size == 0 or (values.min() >= -most and values.max() <= most):
         return values, ""
     with np.errstate(invalid="ignore"):
         wrong = np.abs(values) > most
-    if missing:
+    if table:
         wrong |= np.isnan(values)
     rows = np.flatnonzero(wrong.any(axis=1))
     if len(rows) == 0:

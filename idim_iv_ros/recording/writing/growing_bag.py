@@ -22,17 +22,13 @@ Message = tuple[int, str, bytes, int, int]
 
 @dataclass(frozen=True)
 class FileSummary:
-    """Summary of one file of a bag.
+    """Summary of one file of a bag."""
 
-    `name`: relative to the folder. `start`, `duration`: log time of the first message, and from
-    there to the last, ns. `counts`: number of messages of each topic. `size`: bytes.
-    """
-
-    name: str
-    start: int | None
-    duration: int
-    counts: Mapping[str, int]
-    size: int
+    name: str  # relative to the folder
+    start: int | None  # log time of the first message, ns
+    duration: int  # from there to the last, ns
+    counts: Mapping[str, int]  # number of messages of each topic
+    size: int  # bytes
 
     @property
     def messages(self) -> int:
