@@ -173,11 +173,14 @@ _LISTED = 6
 
 @dataclass(frozen=True)
 class SessionPart:
-    """Place of one recording in its session."""
+    """Place of one recording in its session: `start` from its start, and `duration`, s.
 
-    bag: str  # name of its file or folder, with the path where two have the same name
-    start: float  # s from the start of the session
-    duration: float  # s
+    `bag`: name of its file or folder, with the path where two have the same name.
+    """
+
+    bag: str
+    start: float
+    duration: float
 
 
 @dataclass(frozen=True)
