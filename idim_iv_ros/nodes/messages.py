@@ -15,11 +15,10 @@ M = TypeVar("M")
 OtherNames = Mapping[type, Callable[[Any], dict[str, object]]]
 
 _PACKAGE = "idim_iv_interfaces/"
-_SAME_NAMES: OtherNames = MappingProxyType({})
 
 
 def message_of(
-    kind: type[M], part: object, other_names: OtherNames = _SAME_NAMES, /, **given: object
+    kind: type[M], part: object, other_names: OtherNames = MappingProxyType({}), /, **given: object
 ) -> M:
     """Return a message of type `kind` with fields from the attributes of `part` and from `given`.
 

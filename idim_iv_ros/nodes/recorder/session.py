@@ -142,7 +142,7 @@ class RecordingSession:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
         settings = self.settings
         latched = {name: message for name, (_, message) in self._latched.items()}
-        channels = [channel for channel, _ in self._latched.values()]
+        channels = {name: channel for name, (channel, _) in self._latched.items()}
         folder = Path(self.settings.bag_directory).resolve()
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -156,9 +156,9 @@ class RecordingSession:
                         self.clock,
                         latched,
                         channels,
-                        storage=PRESETS[settings.storage_preset],
-                        max_size=settings.max_file_size,
-                        max_duration=settings.max_file_duration,
+                        PRESETS[settings.storage_preset],
+                        settings.max_file_size,
+                        settings.max_file_duration,
                     )
         except OSError as error:
             raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
@@ -250,7 +250,7 @@ class RecordingSession:
 
         def write() -> ClosedBag:
             first = messages[0][0]
-            bag = GrowingBag(folder, lambda: first, before, list(topics.values()), storage=storage)
+            bag = GrowingBag(folder, lambda: first, before, topics, storage)
             try:
                 bag.add(messages)
                 return bag.close()

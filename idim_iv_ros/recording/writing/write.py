@@ -132,12 +132,10 @@ class ShortChunkWriter(Writer):
         *,
         library: str,
         summary_offsets: bool = True,
-        storage: Storage | None = None,
+        storage: Storage = PRESETS["default"],
     ) -> None:
         super().__init__(
-            cast(IO[bytes], stream),
-            **vars(storage or Storage()),
-            use_summary_offsets=summary_offsets,
+            cast(IO[bytes], stream), **vars(storage), use_summary_offsets=summary_offsets
         )
         self._first: int | None = None
         self.start(profile="ros2", library=library)
