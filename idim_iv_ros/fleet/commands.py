@@ -54,15 +54,12 @@ Done = Callable[[int, Any, str], None]
 
 BAGS = "bags"  # folder of the results of bags, below those of the fleet
 _DIAGNOSES = "diagnoses"  # of the diagnoses of robots, likewise
-# Share of the progress that the identification of the bags takes.
-_IDENTIFIED = 0.5
-# Bags whose content is read in parallel: disks and stores serve several requests.
-_THREADS = 8
+_IDENTIFIED = 0.5  # share of the progress that the identification of the bags takes
+_THREADS = 8  # bags whose content is read in parallel: disks and stores serve several requests
 _WHOSE = ("uri", "content", "key", "robot", "type", "time")
 
 _WAIT = 60  # s for the first worker of a running scheduler
-# Tasks that wait at each thread: it is never idle, and what travels stays small.
-_AHEAD = 2
+_AHEAD = 2  # tasks that wait at each thread: it is never idle, and what travels stays small
 # A task whose store did not answer is tried so often again; one whose worker died, by Dask itself.
 _RETRIES = 2
 # Nothing is said on a user's terminal but by this program, which reads all outcomes.

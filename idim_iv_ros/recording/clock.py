@@ -27,8 +27,7 @@ _SET_BACK = 20.0
 _PAUSE, _PAUSE_INTERVALS = 10.0, 100.0
 # In a pause the time of arrival advances by this share of it; longer ones are a clock that was set.
 _ARRIVES, _LONGEST_PAUSE = 0.5, 86_400.0
-# Stretches before one, after which it may go on.
-_STRETCHES = 50
+_STRETCHES = 50  # stretches before one, after which it may go on
 
 _WANDER = 1.0  # s over which the regular clock may wander from a constant rate
 _DRIFT = 25  # samples over which a rate that is a little off does not matter

@@ -23,11 +23,9 @@ _NOISY = 0.5
 # A frozen run of a coarse channel: no other within so many times its length is longer than
 # 1 / _LONGER of it.
 _AROUND = 3
-# A jump: this many times the largest of the steps that follow.
-_JUMP = 3.0
+_JUMP = 3.0  # a jump: this many times the largest of the steps that follow
 _STEPS_AFTER = 10
-# Share of the joint's peak speed from which it moves.
-_MOVES = 0.02
+_MOVES = 0.02  # share of the joint's peak speed from which it moves
 
 
 def without_frozen(

@@ -18,16 +18,12 @@ from idim_iv_ros.recording.clock import GAP, stamp_messages
 from idim_iv_ros.recording.recording import Note, Signal, stretches_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-# Samples from which on a stretch without a gap is interpolated by a spline.
-_SPLINE_SAMPLES = 8
+_SPLINE_SAMPLES = 8  # samples from which on a stretch without a gap is interpolated by a spline
 # Numbers up to which all joints are interpolated at once: an hour of all would fill the memory.
 _AT_ONCE = 100_000
-# Stamps this close to the grid (share of an interval) lie on it.
-_ON_GRID = 1e-3
-# Share of a sample by which a value may come late and still count for it.
-_EARLY = 0.25
-# A rounded rate may drift by this share of a sample over the recording.
-_DRIFT = 0.25
+_ON_GRID = 1e-3  # stamps this close to the grid (share of an interval) lie on it
+_EARLY = 0.25  # share of a sample by which a value may come late and still count for it
+_DRIFT = 0.25  # a rounded rate may drift by this share of a sample over the recording
 
 # A longer step without a message is shortened to this, s: time for a joint to be elsewhere after it
 # without having to be fast, and short compared with the memory that a recording takes anyway.

@@ -302,8 +302,7 @@ def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
 # s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
 # lose about a tenth of a second at each edge.
 SEGMENT = 300.0
-# A topic this many segments behind the others has ended, and is not waited for.
-_BEHIND = 2
+_BEHIND = 2  # a topic this many segments behind the others has ended, and is not waited for
 
 
 def read_segments(

@@ -167,8 +167,7 @@ class Recording:
 
 # s; a robot that rested for longer has cooled down, or the stamps are of two different clocks.
 LONGEST_PAUSE = 3600.0
-# Recordings that are listed one by one in a sentence.
-_LISTED = 6
+_LISTED = 6  # recordings that are listed one by one in a sentence
 
 
 @dataclass(frozen=True)

@@ -52,8 +52,7 @@ _WORDS = {
 # Words that tell no joint from another.
 _OF_ALL = re.compile("j|joints?|axis|motor|robot|arm|observation|deg|rad|nm")
 
-# Stamps of ROS messages count seconds in 32 bits.
-_LAST_STAMP = float(2**31 - 1)
+_LAST_STAMP = float(2**31 - 1)  # stamps of ROS messages count seconds in 32 bits
 _TOPICS = {
     "/joint_states": ("position", "velocity", "effort"),
     "/joint_reference": ("reference", "velocity_reference"),

@@ -28,8 +28,7 @@ _PADDING = 3 * _ORDER
 # its bands of frequency and blocks of time are not resolved any finer. Bags of one rig differ by as
 # much; each keeps its own stamps, filters and derivatives, and nothing is interpolated.
 _SAME_RATE = 0.02
-# Signals that are filtered together, and samples of a tile.
-_LANES, _TILE = 32, 64
+_LANES, _TILE = 32, 64  # signals that are filtered together, and samples of a tile
 # Smallest state of a filter in double and in single precision.
 _SMALLEST = {np.dtype(np.float64): 1e-200, np.dtype(np.float32): 1e-30}
 
@@ -88,19 +87,15 @@ class ParallelDecimation:
             yield Chunk(first, last, inside, slice(start, start + groups))
 
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
-        """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
+        """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``.
+
+        The result is that of `scipy.signal.sosfiltfilt` to the last bit; signals in single
+        precision are filtered in it, in half of the time.
+        """
         kept = chunk.kept - chunk.first
         if self.factor == 1:
             return np.asarray(signal[kept])
         lines = signal.reshape(len(signal), -1).T
-        return self._filtered(lines, kept).T.reshape(len(kept), *signal.shape[1:])
-
-    def _filtered(self, lines: FloatArray, kept: IntArray) -> FloatArray:
-        """Filter (k, n) forward and backward along the last axis, and keep some samples.
-
-        The result (k, len(kept)) is that of `scipy.signal.sosfiltfilt` to the last bit; lines in
-        single precision are filtered in it, in half of the time.
-        """
         count = min(_PADDING, lines.shape[1] - 1)
         precision = lines.dtype if lines.dtype in _SMALLEST else np.dtype(np.float64)
         filtered = np.empty((len(lines), len(kept)), precision)
@@ -116,7 +111,7 @@ class ParallelDecimation:
             precision.type(_SMALLEST[precision]),
             filtered,
         )
-        return filtered
+        return filtered.T.reshape(len(kept), *signal.shape[1:])
 
     def at(self, signal: FloatArray, places: IntArray) -> FloatArray:
         """Filter a whole record (n_samples, …) and keep the samples at `places`, any of them."""

@@ -18,10 +18,8 @@ from idim_iv_ros.fleet.statistics.random_effects import LEVEL, between_variance,
 
 # Share of the diagnosed ordinary robots in which a cause is one of the type, and the fewest robots.
 _OF_TYPE, _OF_TYPE_LEAST = 2.0 / 3.0, 2
-# Share of a robot's diagnosed bags in which a cause is one of the robot.
-_OF_ROBOT = 0.5
-# Share of the larger size by which robots with one cause may differ.
-_SCATTER = 0.5
+_OF_ROBOT = 0.5  # share of a robot's diagnosed bags in which a cause is one of the robot
+_SCATTER = 0.5  # share of the larger size by which robots with one cause may differ
 _INTERVAL = 1.96  # deviations, 95 %
 _SHOWN = 2  # numbers of a cause in a sentence: those that differ from zero most surely
 

@@ -41,8 +41,8 @@ class Chosen:
     entries: BoolArray  # (k, m), only in chosen units
 
 
-def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
-    """Select units, and entries of selected units, at the false discovery rate `level`.
+def choose(groups: Sequence[FloatArray]) -> list[Chosen]:
+    """Select units, and entries of selected units, at the false discovery rate of the fleet.
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
@@ -54,8 +54,8 @@ def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> li
         smallest = np.min(ordered * counts / ranks, axis=1, initial=np.inf, where=ranks <= counts)
         simes.append(np.where(counts[:, 0] > 0, np.minimum(smallest, 1.0), np.nan))
     units = np.concatenate([np.zeros(0), *simes])
-    chosen = _benjamini_hochberg(units, level)
-    within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
+    chosen = _benjamini_hochberg(units, FALSE_DISCOVERIES)
+    within = FALSE_DISCOVERIES * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
     ends = np.cumsum([len(of_group) for of_group in simes])
     result = []
     for p_values, of_group, end in zip(groups, simes, ends, strict=True):

@@ -27,8 +27,7 @@ from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
-# Others are WARN.
-_LEVELS = {"valid": DiagnosticStatus.OK, "misspecified": DiagnosticStatus.ERROR}
+_LEVELS = {"valid": DiagnosticStatus.OK, "misspecified": DiagnosticStatus.ERROR}  # others are WARN
 
 
 class ResultPublisher:

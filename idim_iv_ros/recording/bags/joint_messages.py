@@ -347,8 +347,7 @@ def checked_messages(
 # Beyond these a number is no position in rad or m, speed in rad/s or m/s; efforts may be counts.
 LARGEST = {"position": 1e6, "velocity": 1e6, "effort": 1e9}
 _UNITS = {"position": " rad (or m)", "velocity": " rad/s (or m/s)", "effort": ""}
-# Share of the samples that may be so wrong before the rest is not believed either.
-_MOST = 0.01
+_MOST = 0.01  # share of the samples that may be so wrong before the rest is not believed either
 
 
 def without_impossible(
