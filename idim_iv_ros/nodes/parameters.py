@@ -161,10 +161,8 @@ def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
     elif span is not None:
         limits = IntegerRange(from_value=int(span[0]), to_value=int(span[1]))
         ranges["integer_range"] = [limits]
-    about, read_only = described.metadata["about"], described.metadata["read_only"]
-    return ParameterDescriptor(
-        name=described.name, description=about, read_only=read_only, **ranges
-    )
+    about, fixed = described.metadata["about"], described.metadata["read_only"]
+    return ParameterDescriptor(name=described.name, description=about, read_only=fixed, **ranges)
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
@@ -241,9 +239,8 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
         raise UsageError(f"unknown parameter {with_nearest(wrong, names)}")
-    node.get_logger().warning(
-        f"parameters that this node does not have: {with_nearest(unknown, names)}"
-    )
+    words = with_nearest(unknown, names)
+    node.get_logger().warning(f"parameters that this node does not have: {words}")
 
 
 def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:

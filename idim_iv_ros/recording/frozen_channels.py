@@ -46,9 +46,8 @@ def without_frozen(
     stretches: list[FrozenStretches] = []
     for column, joint in enumerate(joints):
         aligned = position = values["position"][:, column]
-        frozen["position"][:, column] = frozen_runs(
-            position, position, moving_speed(position), jumps=True
-        )
+        speed = moving_speed(position)
+        frozen["position"][:, column] = frozen_runs(position, position, speed, jumps=True)
         if not np.array_equal(efforts.stamps, states.stamps):
             finite, begin = np.isfinite(position), states.stamps[0]
             measured = states.stamps[finite] - begin, position[finite]

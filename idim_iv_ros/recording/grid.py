@@ -217,9 +217,7 @@ def _edge_velocity(samples: FloatArray, rate: float) -> float:
     if len(samples) < 2:
         return 0.0
     degree = 2 if len(samples) >= _EDGE_SAMPLES else 1
-    return rate * float(
-        np.polynomial.polynomial.polyfit(np.arange(len(samples)), samples, degree)[1]
-    )
+    return rate * float(np.polyfit(np.arange(len(samples)), samples, degree)[-2])
 
 
 def _bridge(
@@ -305,9 +303,7 @@ def joined(
     topics = [part.stamped[source] for part in parts]
     origin = f"{topics[0].topic} {topics[0].origins.get(name, name)}"
     options = {"smooth": name == "position", "stepwise": stepwise}
-    signals = [
-        on_grid(grid, topic.stamps, topic.values[name], origin, **options) for topic in topics
-    ]
+    signals = [on_grid(grid, of.stamps, of.values[name], origin, **options) for of in topics]
     if len(parts) == 1:
         return signals[0]
     order = np.argsort(np.concatenate([part.columns for part in parts]))

@@ -109,9 +109,8 @@ def read_requested(
                 and np.array_equal(recording.effort.values, other.effort.values)
                 and np.array_equal(recording.position.values, other.position.values)
             ):
-                raise UsageError(
-                    f"{bag.path}: the same recording as {other.path}; give each one once"
-                )
+                same = f"the same recording as {other.path}"
+                raise UsageError(f"{bag.path}: {same}; give each one once")
         recordings.append(recording)
     return tuple(recordings)
 
@@ -331,9 +330,8 @@ def read_segments(
             # All topics are half a segment behind the end, as far as they go on. Topics of a chunk
             # come one after the other: when one comes again, the chunk before is done, and a topic
             # that was not in it for two segments has ended.
-            while (
-                min(latest.values()) >= end + length // 2 or latest[topic] >= end + _BEHIND * length
-            ):
+            ended = latest[topic] - _BEHIND * length
+            while min(latest.values()) >= end + length // 2 or ended >= end:
                 yield recorded(messages.before(end))
                 end += length
             latest[topic] = max(latest[topic], int(batch.arrival.max()))

@@ -210,9 +210,8 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
         if number.isdigit() and int(number) < values.shape[1]:
             columns.append(values[:, int(number)])
         elif rest or values.shape[1] > 1:
-            raise UsageError(
-                f"{table}: no column {name}; write {whole}[0] to [{values.shape[1] - 1}]"
-            )
+            last = values.shape[1] - 1
+            raise UsageError(f"{table}: no column {name}; write {whole}[0] to [{last}]")
         else:
             columns.append(values[:, 0])
     return columns

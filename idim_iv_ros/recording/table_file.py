@@ -246,9 +246,8 @@ def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 
 def _require_size(path: Path, size: int) -> None:
     if size > _LARGEST:
-        raise UsageError(
-            f"{path}: {size / 1e9:.3g} GB in one array; split it into bags of less than 1 GB"
-        )
+        advice = "split it into bags of less than 1 GB"
+        raise UsageError(f"{path}: {size / 1e9:.3g} GB in one array; {advice}")
 
 
 def is_number(value: object) -> bool:

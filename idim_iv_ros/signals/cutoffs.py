@@ -74,13 +74,11 @@ def choose_cutoffs(
             f"position_cutoff {position:g} Hz: the torque would hold frequencies that the "
             "filtered positions have lost"
         )
-    common = common_factors(
-        [record.rate for record in records], decimation, processing.decimation_edge
-    )
+    rates = [record.rate for record in records]
+    common = common_factors(rates, decimation, processing.decimation_edge)
     if common is None:
         names = {record.rate: record.name for record in reversed(records)}
-        rates = dict.fromkeys(record.rate for record in records)
-        listed = ", ".join(f"{names[other]} with {other:g} Hz" for other in rates)
+        listed = ", ".join(f"{names[rate]} with {rate:g} Hz" for rate in dict.fromkeys(rates))
         raise DataError(
             f"{listed}: no decimation that leaves {decimation:g} Hz "
             f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them "

@@ -61,9 +61,8 @@ class ParallelDecimation:
 
     @cached_property
     def _sections(self) -> FloatArray:
-        return np.asarray(
-            scipy.signal.cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
-        )
+        edge = self.edge / self.factor
+        return np.asarray(scipy.signal.cheby1(_ORDER, _RIPPLE, edge, output="sos"))
 
     @cached_property
     def _constant_state(self) -> FloatArray:

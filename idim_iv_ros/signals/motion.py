@@ -190,9 +190,8 @@ def decimated_motion(
     """Return a filtered record (n_samples, n_joints), with the decimated samples that count."""
     cutoff, factor = cutoff_and_factor
     samples = span.stop - span.start
-    decimation = ParallelDecimation(
-        factor, samples, processing.decimation_edge, processing.decimation_phase
-    )
+    edge, phase = processing.decimation_edge, processing.decimation_phase
+    decimation = ParallelDecimation(factor, samples, edge, phase)
     fast = fast_samples(position[span], record.rate, minimum_speed, couplings)
     margin = processing.reversal_margin
     distance = round((REVERSAL_MARGIN if margin is None else margin) * factor)

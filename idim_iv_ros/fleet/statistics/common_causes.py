@@ -88,9 +88,8 @@ def sentences(
             f"{count} ordinary robots that were diagnosed: a matter of the type"
         )
     if not shared and count >= _OF_TYPE_LEAST:
-        said.append(
-            f"{type_name}: no cause is common to the {count} ordinary robots that were diagnosed"
-        )
+        robots = f"{count} ordinary robots that were diagnosed"
+        said.append(f"{type_name}: no cause is common to the {robots}")
     for cause in causes:
         if cause.of_type:
             continue

@@ -149,7 +149,7 @@ def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[Diagno
     statuses = []
     for residual in result.residuals:
         level = _LEVELS.get(residual.verdict, DiagnosticStatus.WARN)
-        joint = residual.joint
+        joint, sentence = residual.joint, residual.sentence
         values = {
             "verdict": residual.verdict,
             "bags": ", ".join(result.parameters.bags),
@@ -157,9 +157,7 @@ def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[Diagno
             "residual (%)": f"{residual.relative_percent:.3g}",
             "order of its autoregressive model": residual.ar_order,
         }
-        statuses.append(
-            diagnostic_status(level, f"{name}: {joint}", joint, residual.sentence, values)
-        )
+        statuses.append(diagnostic_status(level, f"{name}: {joint}", joint, sentence, values))
     return statuses
 
 

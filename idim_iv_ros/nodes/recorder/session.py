@@ -76,9 +76,8 @@ class SnapshotRing:
         size = sum(len(message[2]) for message in messages) + _OVERHEAD * len(messages)
         self._batches.append((min(times), newest, size, messages))
         self.size += size
-        while self._batches and (
-            self.size > self.limit or newest - self._batches[0][1] > self.duration * 1e9
-        ):
+        oldest = newest - round(self.duration * 1e9)
+        while self._batches and (self.size > self.limit or self._batches[0][1] < oldest):
             self.size -= self._batches.popleft()[2]
 
     @property
@@ -386,9 +385,8 @@ class WriterThread(threading.Thread):
                 log_times = [batch.log_time for batch in batches for _ in batch.taken]
             sequence = np.maximum(arrived.sequence, 0).tolist()
             sent = arrived.sent.tolist()
-            messages += zip(
-                log_times, repeat(topic), arrived.messages, sent, sequence, strict=False
-            )
+            columns = log_times, repeat(topic), arrived.messages, sent, sequence
+            messages += zip(*columns, strict=False)
         if messages:
             self.session.write([batches[-1].channel for batches in waiting.values()], messages)
 

@@ -265,17 +265,16 @@ class WatchedTopic:
         )
         before = self.channel and self.channel.message_type
         self.channel = TopicChannel(self.name, message_type, offered, definition(message_type))
-        reliabilities = {qos.reliability for qos in offered}
-        mixed = len(reliabilities) > 1 or len({qos.durability for qos in offered}) > 1
-        weakest = "its publishers offer different QoS: subscribed as the weakest of them"
-        self.note = weakest if mixed else ""
+        self.note = ""
+        if len({(qos.reliability, qos.durability) for qos in offered}) > 1:
+            self.note = "its publishers offer different QoS: subscribed as the weakest of them"
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
             depth=self.depth,
             reliability=ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.VOLATILE,
         )
-        if not self.best_effort and reliabilities == {"reliable"}:
+        if not self.best_effort and {qos.reliability for qos in offered} == {"reliable"}:
             profile.reliability = reliable
         if not self.best_effort and self.channel.latched:
             profile.durability = latched

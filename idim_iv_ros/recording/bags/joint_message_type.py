@@ -139,11 +139,6 @@ class JointMessageType:
     field: str | None = None  # the field to read; None for the usual one
     reference: bool = False  # whether to read references, not measurements
 
-    @property
-    def numbered(self) -> bool:
-        """Return whether its numbers have no names, and follow the order of the joints."""
-        return self.name not in (JOINT_STATE, *ROS2_CONTROL)
-
     def require_readable(self, bag: object, topic: str) -> None:
         """Check that the type holds joint quantities, and the named field.
 

@@ -211,10 +211,7 @@ class JointMessageReader:
         for name, values in zip(layout.names, positions.T, strict=False):
             if name not in self.joints and np.isfinite(values).all():
                 low, high = self._ranges.get(name, (np.inf, -np.inf))
-                self._ranges[name] = (
-                    min(low, float(values.min())),
-                    max(high, float(values.max())),
-                )
+                self._ranges[name] = min(low, float(values.min())), max(high, float(values.max()))
 
     def _layout(self, values: JointValues) -> _Layout:
         """Return the layout of a message, a new one if no earlier message has it.
@@ -225,12 +222,10 @@ class JointMessageReader:
         key = (values.names, *sizes.items())
         if key in self._layouts:
             return self._layouts[key]
-        if self.kind.numbered and not values.names:
-            count = max(sizes.values(), default=0)
-            if count not in (0, len(self.joints)):
-                raise DataError(
-                    f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
-                )
+        if self.kind.name not in (JOINT_STATE, *ROS2_CONTROL) and not values.names:
+            count, needed = max(sizes.values(), default=0), len(self.joints)
+            if count not in (0, needed):
+                raise DataError(f"{self.topic}: {count} numbers in a message for {needed} joints")
             columns = places = list(range(count))
         else:
             if self.grows:
@@ -335,9 +330,8 @@ def checked_messages(
                 if reader.kind.name in ROS2_CONTROL:
                     advice = f"; was the controller of {of} active while this was recorded?"
                     if name == "effort":
-                        advice = (
-                            f"; if /joint_states has it, write `effort: /joint_states`, not {of}"
-                        )
+                        states = "/joint_states"
+                        advice = f"; if {states} has it, write `effort: {states}`, not {of}"
                 raise DataError(
                     f"{path}: {name} of {joint} on {topic} is empty or NaN in every message{advice}"
                 )
