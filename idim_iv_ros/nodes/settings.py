@@ -261,8 +261,7 @@ class SimulatorSettings(Settings):
         if not self.configuration:
             raise UsageError(_NAME_IT)
         if self.trajectory:
-            from idim_iv_ros.excitation.trajectory import (
-                read_trajectory,  # the other nodes start without it
-            )
+            # Here, since the other nodes start without it.
+            from idim_iv_ros.excitation.trajectory import read_trajectory
 
             read_trajectory(Path(self.trajectory))

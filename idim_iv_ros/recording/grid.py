@@ -247,10 +247,11 @@ class Part:
     """
 
     columns: IntArray  # (k,), places of its joints among all
+    joints: tuple[str, ...]
     stamped: Mapping[str, JointMessages]  # with these columns only
 
 
-def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:
+def parts_of(sources: Mapping[str, JointMessages], names: Sequence[str], where: str) -> list[Part]:
     """Split the messages of all sources into parts: joints that come together in every source.
 
     Raises DataError: see `stamp_messages`.
@@ -270,8 +271,8 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
     for joints in (np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())):
         of_joints = {source: _messages_of(sources[source], joints) for source in sources}
         stamped = {source: stamp_messages(some, where) for source, some in of_joints.items()}
-        parts.append(Part(joints, stamped))
-    return tuple(parts)
+        parts.append(Part(joints, tuple(names[joint] for joint in joints.tolist()), stamped))
+    return parts
 
 
 def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:
@@ -283,14 +284,6 @@ def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:
         return chosen
     values = {name: value[:, joints] for name, value in chosen.values.items()}
     return replace(chosen, values=values, named=messages.named[:, joints])
-
-
-def parts_note(topic: str, parts: Sequence[Part], joints: Sequence[str]) -> list[Note]:
-    """Return a note that lists the joints of each part, if there are several parts."""
-    if len(parts) == 1:
-        return []
-    listed = "; ".join(", ".join(joints[place] for place in part.columns) for part in parts)
-    return [Note(topic, f"the joints come in {len(parts)} messages, put together: {listed}", 1)]
 
 
 def joined(

@@ -18,7 +18,6 @@ from idim_iv_ros.recording.grid import (
     Part,
     joined,
     make_grid,
-    parts_note,
     parts_of,
     pauses_of,
     without_pauses,
@@ -146,7 +145,7 @@ def recording_of(messages: BagMessages) -> Recording:
             optional, reader = source == request.link_states, messages.readers[source]
             sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
             notes += left_out
-        parts = list(parts_of(sources, str(bag.path)))
+        parts = parts_of(sources, request.joints, str(bag.path))
         made = _assemble(bag.path, request, parts, messages.description, notes)
     except DataError as error:
         words = "".join(f" ({note.sentence})" for note in notes)
@@ -160,15 +159,17 @@ def _assemble(
     """Unwrap, cut, clean and resample the parts, and return them as one recording."""
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states
-    notes += parts_note(joint_states, parts, joints)
+    if len(parts) > 1:
+        listed = "; ".join(", ".join(part.joints) for part in parts)
+        what = f"the joints come in {len(parts)} messages, put together: {listed}"
+        notes.append(Note(joint_states, what, 1))
     pauses, of_pauses = pauses_of(parts[0].stamped[joint_states])
     notes += of_pauses
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
     followers = [source for source in (reference, links) if source is not None]
     for number, part in enumerate(parts):
         stamped = without_pauses(part.stamped, pauses)
-        names = [joints[column] for column in part.columns]
-        stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
+        stamped = without_wraps(stamped, joint_states, followers, part.joints, prismatic)
         parts[number] = replace(part, stamped=stamped)
     grid, inactive = _common_grid(path, request, parts)
     notes += inactive
@@ -177,8 +178,9 @@ def _assemble(
         for source, topic in part.stamped.items():
             notes += topic.notes(some_joints=source == links)
         if effort is not None:
-            names = [joints[column] for column in part.columns]
-            stamped, more = without_frozen(part.stamped, joint_states, effort, names, grid.start)
+            stamped, more = without_frozen(
+                part.stamped, joint_states, effort, part.joints, grid.start
+            )
             parts[number], frozen = replace(part, stamped=stamped), frozen + more
     topics = [topic for part in parts for topic in part.stamped.values()]
     clocks = [topic.clock for topic in topics if topic.clock is not None]

@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import NamedTuple
@@ -89,13 +90,11 @@ def records(content: mmap.mmap | bytes, place: int) -> Iterator[Record]:
 
 def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
     """Return whether the length of a chunk agrees with the lengths of its parts."""
-    if record.start + 40 > len(content):
-        return False
-    (name,) = struct.unpack_from("<I", content, record.start + 28)
-    if name > 16 or record.start + 40 + name > len(content):
-        return False
-    (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
-    return bool(record.end - record.start == 40 + name + size)
+    with suppress(struct.error):  # the file ends before
+        (name,) = struct.unpack_from("<I", content, record.start + 28)
+        (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
+        return bool(name <= 16 and record.end - record.start == 40 + name + size)
+    return False
 
 
 @dataclass
