@@ -221,8 +221,7 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
 class ImportSummary:
     """Summary of an import.
 
-    `rate`, `duration`: mean rate in Hz, s. `warnings`: on rows with impossible values, which were
-    written as missing.
+    `rate`, `duration`: mean rate in Hz, s. `warnings`: on impossible values, written as missing.
     """
 
     samples: int

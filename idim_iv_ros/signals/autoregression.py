@@ -153,13 +153,11 @@ class AutoregressiveModel:
 
         With G the result, σ² GᵀG = rowsᵀ R rows exactly, where R is the covariance that the model
         gives the residual at the rows' places: what the covariance of an estimate needs that did
-        not filter its rows. Dropped rows stay zero: the residual exists there, only nobody weighs
-        it.
+        not filter its rows. Dropped rows stay zero: the residual is there, only nobody weighs it.
 
         `rows` (r, k): columns of Z of one joint, unfiltered. `positions` (r,) increasing int: place
         of each row on the regular grid; those further apart than the memory of the filter, as
-        recordings are, count as independent. Returns (g, k) with g ≥ r: one row for each place that
-        was filled.
+        recordings are, count as independent. Returns (g, k), g ≥ r: one row for each filled place.
         """
         if len(rows) == 0 or self.order == 0:
             return np.array(rows, dtype=float)

@@ -1,8 +1,7 @@
 """Causes in the diagnoses of several robots: those of the type, and those of single robots.
 
 Robots have a cause in common where their values agree: in sign and, within their intervals, in
-size. Robots of one type are never equal, so that sizes that differ by less than `_SCATTER` agree
-however narrow the intervals are.
+size. Robots of one type are never equal: sizes that differ by less than `_SCATTER` always agree.
 """
 
 from collections import defaultdict
