@@ -55,24 +55,16 @@ def without_wraps(
         position = unwrapped(states.stamps, states.values["position"][:, column])
         if position.wraps:
             new[joint_states] = _with_positions(new[joint_states], column, joint, position)
-        for follower in followers:
-            if follower != joint_states:
-                new[follower] = _follow_turns(position, states.stamps, new[follower], column, joint)
+        for follower in followers if np.isfinite(position.position).any() else ():
+            topic = new[follower]
+            reference = unwrapped(topic.stamps, topic.values["position"][:, column])
+            if follower == joint_states or not np.isfinite(reference.position).any():
+                continue
+            turns = _turns_between(states.stamps, position, topic.stamps, reference)
+            if reference.wraps or turns.any():
+                whole = replace(reference, position=reference.position + TURN * turns)
+                new[follower] = _with_positions(topic, column, joint, whole)
     return new
-
-
-def _follow_turns(
-    position: Unwrapped, time: IntArray, topic: JointMessages, column: int, joint: str
-) -> JointMessages:
-    """Return a topic without wraps, one joint in the turns of its position at `time` (n,)."""
-    reference = unwrapped(topic.stamps, topic.values["position"][:, column])
-    if not np.isfinite(reference.position).any() or not np.isfinite(position.position).any():
-        return topic
-    turns = _turns_between(time, position, topic.stamps, reference)
-    if not reference.wraps and not turns.any():
-        return topic
-    whole = replace(reference, position=reference.position + TURN * turns)
-    return _with_positions(topic, column, joint, whole)
 
 
 def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:

@@ -188,7 +188,12 @@ class JointMessageReader:
             blocks.append((layout, block))
         columns: dict[str, FloatArray] = {}
         for layout, block in blocks:
-            self._widen_ranges(layout, block)
+            positions = block.numbers.get("position", np.zeros((0, 0)))
+            for joint, places in zip(layout.names, positions.T, strict=False):
+                if joint not in self.joints and np.isfinite(places).all():
+                    low, high = self._ranges.get(joint, (np.inf, -np.inf))
+                    ends = float(places.min()), float(places.max())
+                    self._ranges[joint] = min(low, ends[0]), max(high, ends[1])
             for name in set(self.fields) & set(block.numbers):
                 filled = layout.places < block.numbers[name].shape[1]
                 if name not in columns:
@@ -202,16 +207,6 @@ class JointMessageReader:
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
             self._merge(self._merged)
-
-    def _widen_ranges(self, layout: _Layout, block: _Block) -> None:
-        """Note how far joints go that are not requested."""
-        positions = block.numbers.get("position")
-        if positions is None or len(layout.columns) == len(layout.names):
-            return
-        for name, values in zip(layout.names, positions.T, strict=False):
-            if name not in self.joints and np.isfinite(values).all():
-                low, high = self._ranges.get(name, (np.inf, -np.inf))
-                self._ranges[name] = min(low, float(values.min())), max(high, float(values.max()))
 
     def _layout(self, values: JointValues) -> _Layout:
         """Return the layout of a message, a new one if no earlier message has it.
