@@ -285,8 +285,7 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
             key = source.key_of(result.content, robot, "identify")
             places.append(place)
             tasks.append((key, (entry.uri, result.content, key, robot)))
-    stage = ("identifying", "bags")
-    answers = run.answers(BAGS, BagResult, identify_task, tasks, stage, progress)
+    answers = run.answers(BAGS, BagResult, identify_task, tasks, ("identifying", "bags"), progress)
     for place, answer in zip(places, answers, strict=True):
         if isinstance(answer, str):  # the machines failed, not the bag
             answer = replace(results[place], status="unusable", reason=answer)
@@ -336,8 +335,7 @@ def identify_task(uri: str, content: str, key: str, robot: source.Robot) -> BagR
     try:
         bag = source.open_bag(uri)
         configuration = robot.local()
-        segments = read_segments(bag, configured_request(configuration))
-        fields = bag_fields(segments, configuration)
+        fields = bag_fields(read_segments(bag, configured_request(configuration)), configuration)
     except IdimError as error:
         torn = isinstance(error, DataError) and (bag.damages or not bag.topics)
         # The result has the name of the bag.

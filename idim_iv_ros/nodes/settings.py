@@ -21,8 +21,7 @@ _NAME_IT = "configuration: name it: --ros-args -p configuration:=ROBOT.yaml"
 
 
 def _status_period(topics: str = "/diagnostics") -> float:
-    about = f"time between two messages on {topics}, s"
-    return parameter(1.0, about, (0.1, 60.0), read_only=True)
+    return parameter(1.0, f"time between two messages on {topics}, s", (0.1, 60.0), read_only=True)
 
 
 @dataclass(frozen=True)

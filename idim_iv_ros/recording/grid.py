@@ -131,8 +131,7 @@ def _resample(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: f
             continue
         first, last = np.searchsorted(target, stamps[part[[0, -1]]], side="left")
         inside = slice(int(first), int(last))
-        spline = make_interp_spline(stamps[part], values[part], k=3)
-        out[inside] = spline(target[inside])
+        out[inside] = make_interp_spline(stamps[part], values[part], k=3)(target[inside])
     return np.asarray(out)
 
 
@@ -233,8 +232,7 @@ def _bridge(
         return np.asarray(CubicHermiteSpline([0.0, duration], ends, speeds)(seconds))
     rests = ends[0] + 0.5 * _STOP * speeds[0], ends[1] - 0.5 * _STOP * speeds[1]
     times = [0.0, _STOP, duration - _STOP, duration]
-    positions = [ends[0], *rests, ends[1]]
-    spline = CubicHermiteSpline(times, positions, [speeds[0], 0.0, 0.0, speeds[1]])
+    spline = CubicHermiteSpline(times, [ends[0], *rests, ends[1]], [speeds[0], 0.0, 0.0, speeds[1]])
     return np.asarray(spline(seconds))
 
 

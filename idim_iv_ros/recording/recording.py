@@ -208,8 +208,7 @@ def session_of(recordings: Sequence[Recording]) -> Session:
     overlapping, shortened = [], []
     end, stamp = 0.0, ordered[0].start
     for recording in ordered:
-        alone = names.count(recording.path.name) == 1
-        name = recording.path.name if alone else str(recording.path)
+        name = recording.path.name if names.count(recording.path.name) == 1 else str(recording.path)
         pause = recording.start - stamp
         # Less than half a sample is rounding of the stamps.
         if pause < -0.5 / recording.rate:

@@ -113,8 +113,7 @@ def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) ->
     """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.topic_types().items()
-    topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
+    topics = [name for name, kind in bag.topic_types().items() if any_type or may_hold_joints(kind)]
     key, first = next(iter(relative.items()))
     resolved = {name: request.node_topics.get(name, in_root(name)) for name in relative.values()}
     candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
@@ -197,8 +196,7 @@ def prismatic_joints(urdf: str) -> frozenset[str]:
         root = ElementTree.fromstring(urdf)
     except (ElementTree.ParseError, ValueError):
         return frozenset()
-    joints = root.iter("joint")
-    return frozenset(e.get("name", "") for e in joints if e.get("type") == "prismatic")
+    return frozenset(e.get("name", "") for e in root.iter("joint") if e.get("type") == "prismatic")
 
 
 def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:

@@ -357,8 +357,7 @@ def proposed_map(table: Path) -> str:
         "# Which column is what: correct it, then idim-iv import OUT.mcap --columns THIS_FILE",
         f"file: {_quote(table.name)}  # beside this map",
     ]
-    positions = [columns["position"] for columns in joints.values()]
-    decimal, iso = _text_format(table, time, positions)
+    decimal, iso = _text_format(table, time, [columns["position"] for columns in joints.values()])
     if time is None:
         lines.append("rate: 1000.0  # rows per second: no column is named like a time; CHECK")
     else:

@@ -76,9 +76,8 @@ class ParallelDecimation:
         """
         kept = self.kept
         memory = _MEMORY * self.factor if self.factor > 1 else 2
-        groups = max(1, length // self.factor)
-        if self.samples <= length + memory:
-            groups = len(kept)
+        fits = self.samples <= length + memory
+        groups = len(kept) if fits else max(1, length // self.factor)
         for start in range(0, len(kept), groups):
             inside = kept[start : start + groups]
             first = max(0, int(inside[0]) - memory)

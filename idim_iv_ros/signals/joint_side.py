@@ -95,8 +95,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     if unasked is not None:
         invented |= unasked
     measured, link = recording.velocity, recording.link_position
-    servo = configuration.signals.effort_topic is None
-    asked = None if servo else recording.velocity_reference
+    asked = None if configuration.signals.effort_topic is None else recording.velocity_reference
     return JointSignals(
         name=recording.path.name,
         rate=recording.rate,

@@ -384,8 +384,7 @@ class WriterThread(threading.Thread):
             if batches[0].log_time is not None:
                 log_times = [batch.log_time for batch in batches for _ in batch.taken]
             sequence = np.maximum(arrived.sequence, 0).tolist()
-            sent = arrived.sent.tolist()
-            columns = log_times, repeat(topic), arrived.messages, sent, sequence
+            columns = log_times, repeat(topic), arrived.messages, arrived.sent.tolist(), sequence
             messages += zip(*columns, strict=False)
         if messages:
             self.session.write([batches[-1].channel for batches in waiting.values()], messages)

@@ -264,8 +264,7 @@ def _named_field(content: Any, path: str, quantities: Sequence[str]) -> _Quantit
     for name in path.split("."):
         value = getattr(value, name)
     if getattr(value, "__msgtype__", "") == JOINT_STATE:
-        fields = {name: (f"{path}.{name}", getattr(value, name)) for name in QUANTITIES}
-        return value.name, fields
+        return value.name, {name: (f"{path}.{name}", getattr(value, name)) for name in QUANTITIES}
     numbers = np.atleast_1d(value)
     names = getattr(content, "joint_names", getattr(content, "name", ()))
     names = [names] if isinstance(names, str) else names

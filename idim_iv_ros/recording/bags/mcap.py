@@ -138,8 +138,7 @@ class McapFile(BagFile):
         self.counted = True
         for channel, topic in self._channels.items():
             if topic in wanted:
-                lost = self._counts.get(channel, 0) - self._seen[channel]
-                self.missing[topic] += max(0, lost)
+                self.missing[topic] += max(0, self._counts.get(channel, 0) - self._seen[channel])
         if self.missing.total() and not self.truncated:
             self.damaged = max(self.damaged, 1)
 

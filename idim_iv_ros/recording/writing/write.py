@@ -101,8 +101,7 @@ class TopicChannel:
 
     def register(self, writer: Writer) -> int:
         """Describe the topic in an MCAP file and return its channel."""
-        text = self.definition.text.encode()
-        schema = writer.register_schema(self.message_type, "ros2msg", text)
+        schema = writer.register_schema(self.message_type, "ros2msg", self.definition.text.encode())
         metadata = {
             # Every reader of YAML reads JSON.
             "offered_qos_profiles": json.dumps([qos.document for qos in self.offered]),
