@@ -92,19 +92,16 @@ class Units(_Part):
 
 
 class TableMap(_Part):
-    """Description of a table by a user: columns, units and format.
+    """Description of a table by a user: columns, units and format."""
 
-    `file`: the table, relative to the map. `time`: None where `rate`, Hz, is given instead.
-    `delimiter`, `decimal`, `comment` are as in `TextTable`. `rows`: only rows with these numbers
-    in these columns are read, where a table holds several recordings.
-    """
-
-    file: str
-    time: Stamps | None = None
-    rate: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    file: str  # the table, relative to the map
+    time: Stamps | None = None  # None where `rate` is given instead
+    rate: Annotated[float, Field(gt=0.0, le=1e9)] | None = None  # Hz
+    # Only rows with these numbers in these columns are read, where there are several recordings.
     rows: dict[str, float] = {}
     joints: Annotated[dict[Annotated[str, Field(min_length=1)], JointColumns], Field(min_length=1)]
     units: Units = Units()
+    # These three are as in `TextTable`.
     delimiter: Annotated[str, Field(max_length=1)] = ""
     decimal: Literal[".", ","] = "."
     comment: str = "#"
@@ -219,16 +216,13 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """Summary of an import.
-
-    `rate`, `duration`: mean rate in Hz, s. `warnings`: on impossible values, written as missing.
-    """
+    """Summary of an import."""
 
     samples: int
-    rate: float
-    duration: float
+    rate: float  # mean, Hz
+    duration: float  # s
     signals: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # on rows with impossible values, which were written as missing
 
 
 def import_table(

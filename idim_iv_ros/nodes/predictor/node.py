@@ -229,13 +229,12 @@ class Predictor(NodeProgram[PredictorSettings]):
             accepted = self._settings.false_warnings
             levels = joint_levels(live.identified, live.rows, window.rate, accepted)
         for joint in levels:
-            limit = "unknown" if joint.limit is None else f"{joint.limit:.3f}"
             values = {
                 "unit": joint.unit,
                 f"residual, RMS ({joint.unit})": f"{joint.rms:.4g}",
                 f"noise floor, RMS ({joint.unit})": f"{joint.noise_floor:.4g}",
                 SHARE: f"{joint.share:.3f}",
-                LIMIT: limit,
+                LIMIT: "unknown" if joint.limit is None else f"{joint.limit:.3f}",
                 "motion behind it (s)": f"{joint.seconds:.1f}",
             }
             level = DiagnosticStatus.WARN if joint.beyond else DiagnosticStatus.OK

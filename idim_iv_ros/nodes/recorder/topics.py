@@ -468,11 +468,10 @@ def topic_diagnosis(
         if count := getattr(recent, counted):
             warnings.append(f"{count} messages {what}")
     if recent.gaps:
-        words = f"the longest of the recording {recent.longest_gap:.3f} s"
-        warnings.append(f"{recent.gaps} gaps; {words}")
-    level = DiagnosticStatus.OK
-    if errors or warnings:
-        level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
+        longest_gap = f"the longest of the recording {recent.longest_gap:.3f} s"
+        warnings.append(f"{recent.gaps} gaps; {longest_gap}")
+    level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
+    level = DiagnosticStatus.ERROR if errors else level
     sentence = "; ".join(errors + warnings) or f"{status.rate:.1f} Hz"
     counts = ("publishers", "received", "recorded", "lost", "late", "gaps", "malformed", "bytes")
     values = {

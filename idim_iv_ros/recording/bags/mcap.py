@@ -99,16 +99,13 @@ def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
 
 @dataclass
 class McapFile(BagFile):
-    """One MCAP file; `source` gives its bytes, from this machine or another.
-
-    From its summary, or else its data: names of schemas, topics of channels of CDR messages,
-    numbers of their messages (None without a summary), and the index of chunks.
-    """
+    """One MCAP file; `source` gives its bytes, from this machine or another."""
 
     source: ByteSource = field(kw_only=True)
-    _schemas: dict[int, str] = field(default_factory=dict)
-    _channels: dict[int, str] = field(default_factory=dict)
-    _counts: dict[int, int] | None = None
+    # From its summary, or else its data.
+    _schemas: dict[int, str] = field(default_factory=dict)  # names
+    _channels: dict[int, str] = field(default_factory=dict)  # topics, of those of CDR messages
+    _counts: dict[int, int] | None = None  # of their messages; None without a summary
     _chunks: list[ChunkIndex] = field(default_factory=list)
     _seen: Counter[int] = field(default_factory=Counter)
 
