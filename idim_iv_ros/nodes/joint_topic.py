@@ -47,7 +47,9 @@ class JointTopic:
         self.name = node.resolve_topic_name(name)
         wanted, depth = list(fields), _NEWEST if newest else _DEPTH
         types = joint_types(wanted, named_field=any(fields.values()))
-        self._topic = WatchedTopic(node, self.name, types, depth, joints, wanted, newest)
+        self._topic = WatchedTopic(
+            node, self.name, types, depth, joints, wanted, best_effort=newest
+        )
         self._joints, self._fields, self._reference = list(joints), dict(fields), reference
         self.damaged = 0
         self._lacks, self._met = "", False
