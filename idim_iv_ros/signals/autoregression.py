@@ -42,13 +42,11 @@ class Segments(tuple[slice, ...]):
 class AutoregressiveModel:
     """ε = H(z⁻¹) ε_N with H = 1/C, C = 1 + c₁ z⁻¹ + … + c_p z⁻ᵖ (paper, equation 11, D = 1).
 
-    `reflections` (p,): κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable.
-    They hold the predictors of every lower order too, and those start a segment exactly.
-    `innovation_variance`: σ² of the white noise ε_N, in the squared unit of the residual.
+    The reflections hold the predictors of every lower order too, which start a segment exactly.
     """
 
-    reflections: FloatArray
-    innovation_variance: float
+    reflections: FloatArray  # (p,), κ₁ … κ_p of the lattice, of modulus below 1: 1/C is stable
+    innovation_variance: float  # σ² of the white noise ε_N, in the squared unit of the residual
 
     @property
     def order(self) -> int:

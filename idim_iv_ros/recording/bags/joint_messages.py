@@ -29,16 +29,13 @@ _STAMP = slice(4, 12)  # in the bytes of a JointState
 
 @dataclass(frozen=True)
 class JointMessages:
-    """All messages of one topic, in the order of the file; `stamp_messages` puts them in time's.
-
-    `layout`: number of the layout (joint order, fields) of each message.
-    """
+    """All messages of one topic, in the order of the file; `stamp_messages` puts them in time's."""
 
     topic: str
     stamps: IntArray  # (n,), of the header (zero without), then increasing times of sampling, ns
     arrival: IntArray  # (n,), log time, ns
     values: dict[str, FloatArray]  # (n, n_joints) by quantity, NaN where a message lacks the joint
-    layout: IntArray  # (n,)
+    layout: IntArray  # (n,), number of the layout (joint order, fields) of each message
     named: BoolArray  # (n_layouts, n_joints), joints that a layout names
     damaged: int  # number of unreadable messages
     passed: int  # number of those that name other joints only, say of a gripper
