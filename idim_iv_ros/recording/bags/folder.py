@@ -38,7 +38,7 @@ class Bag:
     topics: dict[str, str] = field(default_factory=dict)  # type of each; all once the bag was read
     definitions: dict[str, SchemaText] = field(default_factory=dict)  # of types, if the bag has it
     damages: list[str] = field(default_factory=list)  # what is wrong with which file
-    seen: Counter[str] = field(default_factory=Counter)  # messages of each wanted topic
+    seen: Counter[str] = field(default_factory=Counter)  # messages read of each wanted topic
     missing: Counter[str] = field(default_factory=Counter)  # those that are known to be lost
     counted: bool = True  # whether `missing` is complete
 

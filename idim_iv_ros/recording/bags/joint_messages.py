@@ -40,7 +40,7 @@ class JointMessages:
     damaged: int  # number of unreadable messages
     passed: int  # number of those that name other joints only, say of a gripper
     names: tuple[str, ...]  # of all joints
-    origins: dict[str, str] = field(default_factory=dict)  # field by quantity, if the type has some
+    origins: dict[str, str] = field(default_factory=dict)  # field by quantity, if it has several
     # Least and largest position of joints not requested, rad (m).
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     clock: ClockQuality | None = None  # set by `stamp_messages`
@@ -186,10 +186,10 @@ class JointMessageReader:
         columns: dict[str, FloatArray] = {}
         for layout, block in blocks:
             positions = block.numbers.get("position", np.zeros((0, 0)))
-            for joint, places in zip(layout.names, positions.T, strict=False):
-                if joint not in self.joints and np.isfinite(places).all():
+            for joint, motion in zip(layout.names, positions.T, strict=False):
+                if joint not in self.joints and np.isfinite(motion).all():
                     low, high = self._ranges.get(joint, (np.inf, -np.inf))
-                    ends = float(places.min()), float(places.max())
+                    ends = float(motion.min()), float(motion.max())
                     self._ranges[joint] = min(low, ends[0]), max(high, ends[1])
             for name in set(self.fields) & set(block.numbers):
                 filled = layout.places < block.numbers[name].shape[1]
