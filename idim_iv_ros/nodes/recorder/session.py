@@ -155,9 +155,9 @@ class RecordingSession:
                         self.clock,
                         latched,
                         channels,
-                        PRESETS[settings.storage_preset],
-                        settings.max_file_size,
-                        settings.max_file_duration,
+                        storage=PRESETS[settings.storage_preset],
+                        max_size=settings.max_file_size,
+                        max_duration=settings.max_file_duration,
                     )
         except OSError as error:
             raise UsageError(f"{folder}: cannot be made: {error.strerror or error}") from error
