@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import NotTestable
 from idim_iv_ros.effects.effect import Effect, JointRange, Place, Shape
 from idim_iv_ros.estimation.likelihood import Columns, Fit, Regression, width_of
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 _SPREAD_SHAPES = 4  # of a grid, by which an effect is judged from the motion alone

@@ -22,7 +22,7 @@ from idim_iv_ros.effects.cause import EffectParameter, Parameters, surest
 from idim_iv_ros.effects.parametric_effect import ParameterSpace, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME, parameter_words
 from idim_iv_ros.errors import first_of
-from idim_iv_ros.signals import REVERSAL_MARGIN
+from idim_iv_ros.signals.motion import REVERSAL_MARGIN
 
 MOST_EVENTS = 5  # that are listed
 _MOST_CAUSES = 4  # after the first, in a summary

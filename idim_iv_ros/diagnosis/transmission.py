@@ -41,8 +41,8 @@ from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.sanity import JointFinding, link_findings
-from idim_iv_ros.signals import Motion, shifted
-from idim_iv_ros.signals.motion import all_around
+from idim_iv_ros.signals.filters import shifted
+from idim_iv_ros.signals.motion import Motion, all_around
 from idim_iv_ros.types import BoolArray, FloatArray
 
 _LINK_MOTION_STEPS = 3  # times that the load is computed again at the link's motion

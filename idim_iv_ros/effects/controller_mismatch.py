@@ -12,7 +12,7 @@ from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.types import FloatArray
 
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
-    from idim_iv_ros.signals import JointSignals
+    from idim_iv_ros.signals.joint_side import JointSignals
 
 _GAIN, _LAG = "gain", "lag"
 

@@ -19,7 +19,7 @@ from idim_iv_ros.estimation.least_squares import (
     white_covariance,
 )
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.types import FloatArray
 
 # Parameters with a relative deviation above this do not decide about convergence.

@@ -15,7 +15,9 @@ import numpy as np
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.estimation.observation import States, instrument_rows
 from idim_iv_ros.model import InverseModel, RobotModel
-from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
+from idim_iv_ros.signals.cutoffs import Cutoffs
+from idim_iv_ros.signals.filters import zero_phase_butterworth
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation import (
     ControlLaw,
     ControllerFit,

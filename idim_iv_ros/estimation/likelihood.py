@@ -14,7 +14,7 @@ import numpy as np
 
 from idim_iv_ros.estimation.qr import NOT_SHOWN, Basis, independent_basis, stacked_r_factor
 from idim_iv_ros.estimation.rows import JointRows
-from idim_iv_ros.signals import AutoregressiveModel, fit_autoregression
+from idim_iv_ros.signals.autoregression import AutoregressiveModel, fit_autoregression
 from idim_iv_ros.types import FloatArray
 
 _NOISE_MODEL_ORDER = 10  # of an autoregression, at most

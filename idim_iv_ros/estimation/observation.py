@@ -10,8 +10,8 @@ import numpy as np
 from idim_iv_ros.estimation.qr import streamed_r_factor
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Motion
 from idim_iv_ros.signals.autoregression import Segments
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 # Full-rate samples for which the regressor is held at once.

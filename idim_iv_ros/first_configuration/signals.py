@@ -7,7 +7,7 @@ import numpy as np
 
 from idim_iv_ros.identification.effort_statistics import effort_statistics
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.signals import Motion
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation import fit_controller
 
 _LEAST_SHARE = 0.05  # of what friction leaves of the effort's variance

@@ -23,24 +23,10 @@ from idim_iv_ros.documents import Document
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import DataError, IdimError, UsageError, one_line
 from idim_iv_ros.files import FilePath, refused_if_unwritable, write_together
+from idim_iv_ros.fleet import source
 from idim_iv_ros.fleet.fleet_result import fleet_result
 from idim_iv_ros.fleet.regression import bag_fields
 from idim_iv_ros.fleet.result import BagResult, CauseSummary, FleetResult, GapSummary, Status
-from idim_iv_ros.fleet.source import (
-    INSTALL,
-    BagEntry,
-    Robot,
-    StoreError,
-    code_version,
-    content_of,
-    file_system,
-    find_bags,
-    is_local,
-    key_of,
-    local_path,
-    open_bag,
-    robots_of,
-)
 from idim_iv_ros.fleet.statistics.common_causes import is_nothing
 from idim_iv_ros.identification.prepare import configured_request
 from idim_iv_ros.interruption import said_if_interrupted, undone_if_interrupted
@@ -54,15 +40,12 @@ Done = Callable[[int, Any, str], None]
 
 BAGS = "bags"  # folder of the results of bags, below those of the fleet
 _DIAGNOSES = "diagnoses"  # of the diagnoses of robots, likewise
-# Share of the progress that the identification of the bags takes.
-_IDENTIFIED = 0.5
-# Bags whose content is read in parallel: disks and stores serve several requests.
-_THREADS = 8
+_IDENTIFIED = 0.5  # share of the progress that the identification of the bags takes
+_THREADS = 8  # bags whose content is read in parallel: disks and stores serve several requests
 _WHOSE = ("uri", "content", "key", "robot", "type", "time")
 
 _WAIT = 60  # s for the first worker of a running scheduler
-# Tasks that wait at each thread: it is never idle, and what travels stays small.
-_AHEAD = 2
+_AHEAD = 2  # tasks that wait at each thread: it is never idle, and what travels stays small
 # A task whose store did not answer is tried so often again; one whose worker died, by Dask itself.
 _RETRIES = 2
 # Nothing is said on a user's terminal but by this program, which reads all outcomes.
@@ -183,7 +166,7 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
         import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise UsageError(INSTALL) from error
+        raise UsageError(source.INSTALL) from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with dask.config.set(_SETTINGS), ExitStack() as stack:
         if scheduler is None:
@@ -216,7 +199,7 @@ def connected(scheduler: str | None = None, workers: int | None = None) -> Itera
 def _require_same_version(client: Any) -> None:
     """Refuse workers of another version, or without this program; lost workers are ignored."""
     where = f"--scheduler {client.scheduler.address}"
-    for answer in client.run(of_version, code_version(), str, on_error="return").values():
+    for answer in client.run(of_version, source.code_version(), str, on_error="return").values():
         if isinstance(answer, UsageError):
             raise UsageError(f"{where}: {answer}")
         if isinstance(answer, Exception) and not isinstance(answer, OSError):
@@ -228,7 +211,7 @@ def _require_same_version(client: Any) -> None:
 
 def of_version(version: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Call a function on a worker; a UsageError where that, joined late, is of another version."""
-    if (other := code_version()) != version:
+    if (other := source.code_version()) != version:
         words = f"workers run {other}, this machine {version}"
         raise UsageError(f"{words}; install the same version everywhere")
     return function(*arguments)
@@ -252,7 +235,7 @@ def run_tasks(
         ahead = _AHEAD * int(sum(client.ncores().values()))
         for place, values in itertools.islice(waiting, max(1, ahead - len(places))):
             future = client.submit(
-                of_version, code_version(), function, *values, pure=False, retries=_RETRIES
+                of_version, source.code_version(), function, *values, pure=False, retries=_RETRIES
             )
             places[future.key] = place
             finished.add(future)
@@ -286,10 +269,10 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
     UsageError
         Source, configuration, output or scheduler are wrong.
     """
-    entries, robots = robots_of(find_bags(run.source), Path(run.config))
-    remote = [entry.uri for entry in entries if not is_local(entry.uri)]
+    entries, robots = source.robots_of(source.find_bags(run.source), Path(run.config))
+    remote = [entry.uri for entry in entries if not source.is_local(entry.uri)]
     for uri in {uri.partition("://")[0]: uri for uri in remote}.values():
-        file_system(uri)  # a kind of store that no library opens ends the run
+        source.file_system(uri)  # a kind of store that no library opens ends the run
     if progress is not None:
         progress(f"looking at {len(entries):,} bags", 0.0)
     # This machine waits for disks and stores, and computes little.
@@ -299,11 +282,10 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
     for place, (entry, result) in enumerate(zip(entries, results, strict=True)):
         if result.status == "ok":
             robot = robots[entry.robot]
-            key = key_of(result.content, robot, "identify")
+            key = source.key_of(result.content, robot, "identify")
             places.append(place)
             tasks.append((key, (entry.uri, result.content, key, robot)))
-    stage = ("identifying", "bags")
-    answers = run.answers(BAGS, BagResult, identify_task, tasks, stage, progress)
+    answers = run.answers(BAGS, BagResult, identify_task, tasks, ("identifying", "bags"), progress)
     for place, answer in zip(places, answers, strict=True):
         if isinstance(answer, str):  # the machines failed, not the bag
             answer = replace(results[place], status="unusable", reason=answer)
@@ -319,7 +301,7 @@ def identify_bags(run: FleetRun, progress: Progress | None = None) -> tuple[BagR
     return tuple(results)
 
 
-def owned_by(result: BagResult, entry: BagEntry) -> BagResult:
+def owned_by(result: BagResult, entry: source.BagEntry) -> BagResult:
     """Return a result with the bag's robot, type, time and URI of the source, which may be new."""
     time = entry.time or result.time
     return replace(result, uri=entry.uri, robot=entry.robot, type=entry.type, time=time)
@@ -332,29 +314,28 @@ def content_task(uri: str) -> BagResult:
     """
     status: Status
     try:
-        return BagResult(uri=uri, content=content_of(uri), status="ok")
+        return BagResult(uri=uri, content=source.content_of(uri), status="ok")
     except FileNotFoundError:
         status, reason = "missing", "no such file"
-    except StoreError as error:
+    except source.StoreError as error:
         raise UsageError(f"{uri}: {error.strerror}") from error
     except OSError as error:
         status, reason = "unusable", error.strerror or str(error)
     except IdimError as error:
-        status, reason = "corrupt", str(error).removeprefix(f"{local_path(uri)}: ")
+        status, reason = "corrupt", str(error).removeprefix(f"{source.local_path(uri)}: ")
     return BagResult(uri=uri, content="", status=status, reason=reason)
 
 
-def identify_task(uri: str, content: str, key: str, robot: Robot) -> BagResult:
+def identify_task(uri: str, content: str, key: str, robot: source.Robot) -> BagResult:
     """Identify one bag; if that fails, the result has the reason (corrupt where it is damaged).
 
     Raises OSError: its store does not answer now.
     """
     bag = Bag(Path(uri))
     try:
-        bag = open_bag(uri)
+        bag = source.open_bag(uri)
         configuration = robot.local()
-        segments = read_segments(bag, configured_request(configuration))
-        fields = bag_fields(segments, configuration)
+        fields = bag_fields(read_segments(bag, configured_request(configuration)), configuration)
     except IdimError as error:
         torn = isinstance(error, DataError) and (bag.damages or not bag.topics)
         # The result has the name of the bag.
@@ -390,13 +371,13 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
     Parameters and errors are as for `identify_bags`. Earlier diagnoses are reused.
     """
     identified = identify_fleet(run, part_of(progress, 0.0, _IDENTIFIED))
-    _, robots = robots_of(find_bags(run.source), Path(run.config))
+    _, robots = source.robots_of(source.find_bags(run.source), Path(run.config))
     contents = {bag.uri: bag.content for bag in identified.bags}
     screen, tasks = identified.result.screen, []
     for screened in screen:
         robot = robots[screened.robot]
         content = "\n".join(contents[uri] for uri in screened.bags)
-        tasks.append((key_of(content, robot, "diagnose"), (screened.bags, robot)))
+        tasks.append((source.key_of(content, robot, "diagnose"), (screened.bags, robot)))
     rest = part_of(progress, _IDENTIFIED, 1.0)
     stage = ("diagnosing", "robots")
     answers = run.answers(_DIAGNOSES, GapResult, diagnose_task, tasks, stage, rest)
@@ -409,10 +390,10 @@ def diagnose_fleet(run: FleetRun, progress: Progress | None = None) -> Fleet:
     return Fleet(bags, fleet_result(bags), dict(zip(diagnosed, answers, strict=True)))
 
 
-def diagnose_task(uris: Sequence[str], robot: Robot) -> GapResult | str:
+def diagnose_task(uris: Sequence[str], robot: source.Robot) -> GapResult | str:
     """Diagnose bags of one robot together, on a worker; return the reason if that fails."""
     try:
-        return diagnose([open_bag(uri) for uri in uris], robot.local())
+        return diagnose([source.open_bag(uri) for uri in uris], robot.local())
     except IdimError as error:
         return str(error)
 

@@ -71,9 +71,8 @@ def fleet_result(results: Sequence[BagResult]) -> FleetResult:
     unused: dict[tuple[str, str], list[BagResult]] = defaultdict(list)
     for place, bag in enumerate(results):
         if id(bag) in other:
-            why_not[place] = (
-                f"its base parameters, geometry or unit are not those of most bags of {bag.type}"
-            )
+            most = f"most bags of {bag.type}"
+            why_not[place] = f"its base parameters, geometry or unit are not those of {most}"
         if why_not[place]:
             unused[bag.type, bag.robot].append(bag)
     types: list[FleetType] = []
@@ -239,9 +238,8 @@ def _fleet_robot(
     reasons = [_difference_words(*pair, joints) for pair in differing]
     reasons += [_change_words(change, joints) for change in changes]
     if unsteady:
-        reasons.append(
-            f"{unsteady}: bags differ from each other more than those of the other robots do"
-        )
+        words = "bags differ from each other more than those of the other robots do"
+        reasons.append(f"{unsteady}: {words}")
     if unused:
         reasons.append(_unused_words(unused, len(robot.bags)))
     many = len(unused) >= _MANY_UNUSED * (len(unused) + len(robot.bags))

@@ -19,7 +19,7 @@ from idim_iv_ros.identification.prepare import loss_sentences
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.progress import Stopwatch
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.signals import torque_noise
+from idim_iv_ros.signals.motion import torque_noise
 from idim_iv_ros.statistics.verdict import Verdict
 from idim_iv_ros.types import FloatArray
 

@@ -146,8 +146,7 @@ def find_bags(source: str) -> tuple[BagEntry, ...]:
     system, path = file_system(source)
     try:
         if source.endswith((".csv", ".parquet")):
-            content = reachable(system.cat_file, path)
-            return _manifest(source, _rows(source, bytes(content)))
+            return _manifest(source, _rows(source, bytes(reachable(system.cat_file, path))))
         folder, files = path, [path]
         if reachable(system.info, path)["type"] == "directory":
             files = reachable(system.find, path)

@@ -25,7 +25,7 @@ from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.recording import Recording
 from idim_iv_ros.signal_source import topic_of
-from idim_iv_ros.signals import Motion
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.types import FloatArray
 
 _INVENTED_LIMIT = 0.05  # share of samples without a measurement

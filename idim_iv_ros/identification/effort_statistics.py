@@ -13,7 +13,9 @@ import numpy as np
 
 from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.model import InverseModel
-from idim_iv_ros.signals import Cutoffs, Motion, zero_phase_butterworth
+from idim_iv_ros.signals.cutoffs import Cutoffs
+from idim_iv_ros.signals.filters import zero_phase_butterworth
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 

@@ -39,7 +39,8 @@ from idim_iv_ros.physical import PhysicalParameters, nearest_physical
 from idim_iv_ros.physical.nearest import TO_INSTALL, Judge
 from idim_iv_ros.progress import Progress, Stopwatch, part_of
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.signals import fit_autoregression, torque_noise
+from idim_iv_ros.signals.autoregression import fit_autoregression
+from idim_iv_ros.signals.motion import torque_noise
 from idim_iv_ros.statistics.hypothesis import in_deviations
 from idim_iv_ros.statistics.residuals import mean_square_freedom
 from idim_iv_ros.statistics.verdict import judge_all, judge_joint

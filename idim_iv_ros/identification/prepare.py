@@ -17,7 +17,9 @@ from idim_iv_ros.progress import Progress
 from idim_iv_ros.recording.read import read_requested
 from idim_iv_ros.recording.recording import Recording, Session, session_of
 from idim_iv_ros.recording.request import Request
-from idim_iv_ros.signals import Cutoffs, Motion, choose_cutoffs, filter_motion, joint_side
+from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs
+from idim_iv_ros.signals.joint_side import joint_side
+from idim_iv_ros.signals.motion import Motion, filter_motion
 from idim_iv_ros.types import FloatArray
 
 ARMATURE_MISSING = (

@@ -19,7 +19,8 @@ from idim_iv_ros.identification.effort_statistics import (
 )
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.model.parameters import unit_at
-from idim_iv_ros.signals import Cutoffs, Motion
+from idim_iv_ros.signals.cutoffs import Cutoffs
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation import inverse_dynamics
 from idim_iv_ros.types import FloatArray
 

@@ -11,8 +11,8 @@ from idim_iv_ros.estimation.least_squares import LinearEstimate, white_covarianc
 from idim_iv_ros.estimation.observation import CHUNK, observation_rows
 from idim_iv_ros.estimation.rows import JointRows, with_instruments
 from idim_iv_ros.identification.prepare import PreparedRegression
-from idim_iv_ros.signals import AutoregressiveModel, Motion, torque_noise
-from idim_iv_ros.signals.motion import decimated_motion
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
+from idim_iv_ros.signals.motion import Motion, decimated_motion, torque_noise
 from idim_iv_ros.statistics import instruments as instrument_tests
 from idim_iv_ros.statistics.hypothesis import HypothesisTest
 from idim_iv_ros.statistics.residuals import ResidualDiagnosis, diagnose_residual

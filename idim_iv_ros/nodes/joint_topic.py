@@ -45,10 +45,10 @@ class JointTopic:
         newest: bool = False,
     ) -> None:
         self.name = node.resolve_topic_name(name)
-        types = joint_types(list(fields), named_field=any(fields.values()))
-        depth = _NEWEST if newest else _DEPTH
+        wanted, depth = list(fields), _NEWEST if newest else _DEPTH
+        types = joint_types(wanted, named_field=any(fields.values()))
         self._topic = WatchedTopic(
-            node, self.name, types, depth, joints, list(fields), best_effort=newest
+            node, self.name, types, depth, joints, wanted, best_effort=newest
         )
         self._joints, self._fields, self._reference = list(joints), dict(fields), reference
         self.damaged = 0
@@ -139,10 +139,8 @@ class JointPositions:
         self, node: Node, source: str, joints: Sequence[str], *, reference: bool = False
     ) -> None:
         self._node = node
-        fields = {"position": field_of(source)}
-        self._topic = JointTopic(
-            node, topic_of(source), joints, fields, reference=reference, newest=True
-        )
+        fields, topic = {"position": field_of(source)}, topic_of(source)
+        self._topic = JointTopic(node, topic, joints, fields, reference=reference, newest=True)
         self.topic = self._topic.name
         self._joints, self._absent = tuple(joints), ""
         self._position = np.full(len(self._joints), np.nan)

@@ -15,18 +15,16 @@ M = TypeVar("M")
 OtherNames = Mapping[type, Callable[[Any], dict[str, object]]]
 
 _PACKAGE = "idim_iv_interfaces/"
-_SAME_NAMES: OtherNames = MappingProxyType({})
 
 
 def message_of(
-    kind: type[M], part: object, other_names: OtherNames = _SAME_NAMES, /, **given: object
+    kind: type[M], part: object, other_names: OtherNames = MappingProxyType({}), /, **given: object
 ) -> M:
     """Return a message of type `kind` with fields from the attributes of `part` and from `given`.
 
     Values in `given` take precedence. Numbers that are None become NaN, texts that are None empty;
     without a `part` all fields not given do. Times, also that of a header, are ns since 1970.
-    `other_names` has, for a type of message, a function from the object to the fields that differ
-    from its attributes.
+    `other_names` has, by type of message, a function from the object to fields of other names.
     """
     forms: Mapping[str, str] = kind.get_fields_and_field_types()  # type: ignore[attr-defined]
     if part is not None and kind in other_names:
@@ -63,9 +61,8 @@ def diagnostic_status(
 ) -> DiagnosticStatus:
     """Return an entry for /diagnostics; `values` are written as text."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    return DiagnosticStatus(
-        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
-    )
+    about = {"name": name, "hardware_id": hardware, "message": sentence}
+    return DiagnosticStatus(level=level, values=pairs, **about)
 
 
 class Diagnostics:

@@ -155,16 +155,13 @@ def _checked_value(described: "Field[Any]", given: Parameter) -> Any:
 
 def _descriptor(described: "Field[Any]") -> ParameterDescriptor:
     span, ranges = described.metadata["span"], {}
-    if span is not None and isinstance(described.default, float):
-        limits = FloatingPointRange(from_value=float(span[0]), to_value=float(span[1]))
-        ranges["floating_point_range"] = [limits]
-    elif span is not None:
-        limits = IntegerRange(from_value=int(span[0]), to_value=int(span[1]))
-        ranges["integer_range"] = [limits]
-    about, read_only = described.metadata["about"], described.metadata["read_only"]
-    return ParameterDescriptor(
-        name=described.name, description=about, read_only=read_only, **ranges
-    )
+    if span is not None:
+        real = isinstance(described.default, float)
+        kind, number = (FloatingPointRange, float) if real else (IntegerRange, int)
+        limits = kind(from_value=number(span[0]), to_value=number(span[1]))
+        ranges["floating_point_range" if real else "integer_range"] = [limits]
+    about, fixed = described.metadata["about"], described.metadata["read_only"]
+    return ParameterDescriptor(name=described.name, description=about, read_only=fixed, **ranges)
 
 
 def changed(settings: Kind, parameters: Sequence[Parameter]) -> Kind:
@@ -241,9 +238,8 @@ def refuse_unknown_parameters(node: Node, names: Sequence[str], arguments: Seque
     wrong = [name for name in unknown if name not in others and not name.startswith(_QOS)]
     if wrong:
         raise UsageError(f"unknown parameter {with_nearest(wrong, names)}")
-    node.get_logger().warning(
-        f"parameters that this node does not have: {with_nearest(unknown, names)}"
-    )
+    words = with_nearest(unknown, names)
+    node.get_logger().warning(f"parameters that this node does not have: {words}")
 
 
 def with_nearest(unknown: Sequence[str], names: Collection[str]) -> str:

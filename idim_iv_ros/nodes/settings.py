@@ -21,8 +21,7 @@ _NAME_IT = "configuration: name it: --ros-args -p configuration:=ROBOT.yaml"
 
 
 def _status_period(topics: str = "/diagnostics") -> float:
-    about = f"time between two messages on {topics}, s"
-    return parameter(1.0, about, (0.1, 60.0), read_only=True)
+    return parameter(1.0, f"time between two messages on {topics}, s", (0.1, 60.0), read_only=True)
 
 
 @dataclass(frozen=True)
@@ -261,8 +260,7 @@ class SimulatorSettings(Settings):
         if not self.configuration:
             raise UsageError(_NAME_IT)
         if self.trajectory:
-            from idim_iv_ros.excitation.trajectory import (
-                read_trajectory,  # the other nodes start without it
-            )
+            # Here, since the other nodes start without it.
+            from idim_iv_ros.excitation.trajectory import read_trajectory
 
             read_trajectory(Path(self.trajectory))

@@ -13,7 +13,7 @@ from idim_iv_ros.errors import UsageError
 from idim_iv_ros.identification.result import IdentificationResult
 from idim_iv_ros.model import InverseModel, require_same_robot
 from idim_iv_ros.model.parameters import unit_at
-from idim_iv_ros.signals import JointTransform, joint_transform
+from idim_iv_ros.signals.joint_side import JointTransform, joint_transform
 from idim_iv_ros.statistics.residuals import largest_share
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 from idim_iv_ros.validation import first_problem

@@ -17,15 +17,10 @@ import numpy as np
 from idim_iv_ros.prediction.identified_model import IdentifiedModel, ResidualRows
 from idim_iv_ros.recording.grid import Grid, make_grid, on_grid
 from idim_iv_ros.recording.wraps import TURN
-from idim_iv_ros.signals import (
-    REVERSAL_MARGIN,
-    JointSignals,
-    Motion,
-    ParallelDecimation,
-    butterworth_samples,
-    zero_phase_butterworth,
-)
-from idim_iv_ros.signals.motion import decimated_motion, fast_samples
+from idim_iv_ros.signals.decimation import ParallelDecimation
+from idim_iv_ros.signals.filters import butterworth_samples, zero_phase_butterworth
+from idim_iv_ros.signals.joint_side import JointSignals
+from idim_iv_ros.signals.motion import REVERSAL_MARGIN, Motion, decimated_motion, fast_samples
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _SECOND = 1e9

@@ -5,7 +5,7 @@ from such stamps, a joint at 1 rad/s has 0.3 mrad of noise for 0.3 ms of jitter,
 its acceleration. Stamps that are right are needed as much: a sample that was taken late shows it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -27,8 +27,7 @@ _SET_BACK = 20.0
 _PAUSE, _PAUSE_INTERVALS = 10.0, 100.0
 # In a pause the time of arrival advances by this share of it; longer ones are a clock that was set.
 _ARRIVES, _LONGEST_PAUSE = 0.5, 86_400.0
-# Stretches before one, after which it may go on.
-_STRETCHES = 50
+_STRETCHES = 50  # stretches before one, after which it may go on
 
 _WANDER = 1.0  # s over which the regular clock may wander from a constant rate
 _DRIFT = 25  # samples over which a rate that is a little off does not matter
@@ -39,27 +38,8 @@ _CLEAR = 3.0  # standard deviations
 _RIGHT = 0.9  # share of the jitter in the positions from which on stamps are as good as right
 
 
-@dataclass(frozen=True)
-class StampedMessages:
-    """Messages sorted by time, one for each stamp; `time` (n,) int, ns, increases."""
-
-    messages: JointMessages
-    time: IntArray
-    quality: ClockQuality
-    notes: tuple[Note, ...]
-
-    def taken(self, places: IntArray) -> "StampedMessages":
-        """Return the messages at `places` (k,), in this order."""
-        return replace(self, messages=self.messages.taken(places), time=self.time[places])
-
-    def with_values(self, name: str, values: FloatArray, *notes: Note) -> "StampedMessages":
-        """Return the messages with other values (n, n_joints) of a field, and notes added."""
-        messages = replace(self.messages, values={**self.messages.values, name: values})
-        return replace(self, messages=messages, notes=(*self.notes, *notes))
-
-
-def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
-    """Sort messages by their header stamps, or by arrival if these are constant.
+def stamp_messages(messages: JointMessages, where: str) -> JointMessages:
+    """Sort messages by their header stamps, or by arrival if these are constant; one a stamp.
 
     Raises DataError: too few messages, or time mostly runs backward.
     """
@@ -122,7 +102,7 @@ def stamp_messages(messages: JointMessages, where: str) -> StampedMessages:
             f"more regularly, and their times are corrected by {moved:.2g} ms (rms)"
         )
         notes.append(Note(topic, what, 1))
-    return StampedMessages(messages, sampled, quality, tuple(notes))
+    return replace(messages, stamps=sampled, clock=quality, said=tuple(notes))
 
 
 def _one_per_stamp(messages: JointMessages, fresh: BoolArray) -> tuple[JointMessages, int]:

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idim_iv_ros.recording.clock import StampedMessages
-from idim_iv_ros.recording.recording import FrozenStretches
+from idim_iv_ros.recording.bags.joint_messages import JointMessages
+from idim_iv_ros.recording.recording import FrozenStretches, stretches_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
 _LONGER = 5.0  # times the usual repeats of the channel
@@ -23,44 +23,41 @@ _NOISY = 0.5
 # A frozen run of a coarse channel: no other within so many times its length is longer than
 # 1 / _LONGER of it.
 _AROUND = 3
-# A jump: this many times the largest of the steps that follow.
-_JUMP = 3.0
+_JUMP = 3.0  # a jump: this many times the largest of the steps that follow
 _STEPS_AFTER = 10
-# Share of the joint's peak speed from which it moves.
-_MOVES = 0.02
+_MOVES = 0.02  # share of the joint's peak speed from which it moves
 
 
 def without_frozen(
-    stamped: Mapping[str, StampedMessages],
+    stamped: Mapping[str, JointMessages],
     joint_states: str,
     effort: str,
     joints: Sequence[str],
     start: int,
-) -> tuple[Mapping[str, StampedMessages], tuple[FrozenStretches, ...]]:
+) -> tuple[Mapping[str, JointMessages], tuple[FrozenStretches, ...]]:
     """Replace frozen values of efforts and positions by NaN, and describe the frozen stretches.
 
     `joint_states` and `effort` are their topics, `start` is that of the recording, ns.
     """
     states, efforts = stamped[joint_states], stamped[effort]
     sources = {"position": joint_states, "effort": effort}
-    values = {name: stamped[source].messages.values[name] for name, source in sources.items()}
+    values = {name: stamped[source].values[name] for name, source in sources.items()}
     frozen = {name: np.zeros(channel.shape, dtype=bool) for name, channel in values.items()}
     stretches: list[FrozenStretches] = []
     for column, joint in enumerate(joints):
         aligned = position = values["position"][:, column]
-        frozen["position"][:, column] = frozen_runs(
-            position, position, moving_speed(position), jumps=True
-        )
-        if not np.array_equal(efforts.time, states.time):
-            finite, begin = np.isfinite(position), states.time[0]
-            measured = states.time[finite] - begin, position[finite]
-            aligned = np.interp(efforts.time - begin, *measured)
+        speed = moving_speed(position)
+        frozen["position"][:, column] = frozen_runs(position, position, speed, jumps=True)
+        if not np.array_equal(efforts.stamps, states.stamps):
+            finite, begin = np.isfinite(position), states.stamps[0]
+            measured = states.stamps[finite] - begin, position[finite]
+            aligned = np.interp(efforts.stamps - begin, *measured)
         torque = values["effort"][:, column]
         frozen["effort"][:, column] = frozen_efforts(torque, aligned, moving_speed(aligned))
         for name, source in sources.items():
             if frozen[name][:, column].any():
-                channel = f"{name} of {joint} on {stamped[source].messages.topic}"
-                seconds: FloatArray = (stamped[source].time - start).astype(np.float64) * 1e-9
+                channel = f"{name} of {joint} on {stamped[source].topic}"
+                seconds: FloatArray = (stamped[source].stamps - start).astype(np.float64) * 1e-9
                 stretches.append(_describe(channel, frozen[name][:, column], seconds))
     cleaned = dict(stamped)
     for name, source in sources.items() if stretches else ():
@@ -159,8 +156,7 @@ def _is_isolated(lengths: IntArray, moved: BoolArray, chosen: IntArray) -> BoolA
 
 def _describe(channel: str, frozen: BoolArray, seconds: FloatArray) -> FrozenStretches:
     """Describe the frozen values (n,) bool of a channel at times `seconds` (n,)."""
-    edges = np.diff(np.concatenate([[False], frozen, [False]]).astype(int))
-    first, end = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    first, end = stretches_of(frozen)
     lengths = seconds[end - 1] - seconds[first - 1]
     samples = int(np.count_nonzero(frozen))
     begin, longest = float(seconds[first[0] - 1]), float(lengths.max())

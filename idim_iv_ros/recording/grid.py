@@ -14,20 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idim_iv_ros.recording.bags.joint_messages import JointMessages
-from idim_iv_ros.recording.clock import GAP, StampedMessages, stamp_messages
-from idim_iv_ros.recording.recording import Note, Signal
+from idim_iv_ros.recording.clock import GAP, stamp_messages
+from idim_iv_ros.recording.recording import Note, Signal, stretches_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-# Samples from which on a stretch without a gap is interpolated by a spline.
-_SPLINE_SAMPLES = 8
+_SPLINE_SAMPLES = 8  # samples from which on a stretch without a gap is interpolated by a spline
 # Numbers up to which all joints are interpolated at once: an hour of all would fill the memory.
 _AT_ONCE = 100_000
-# Stamps this close to the grid (share of an interval) lie on it.
-_ON_GRID = 1e-3
-# Share of a sample by which a value may come late and still count for it.
-_EARLY = 0.25
-# A rounded rate may drift by this share of a sample over the recording.
-_DRIFT = 0.25
+_ON_GRID = 1e-3  # stamps this close to the grid (share of an interval) lie on it
+_EARLY = 0.25  # share of a sample by which a value may come late and still count for it
+_DRIFT = 0.25  # a rounded rate may drift by this share of a sample over the recording
 
 # A longer step without a message is shortened to this, s: time for a joint to be elsewhere after it
 # without having to be fast, and short compared with the memory that a recording takes anyway.
@@ -135,8 +131,7 @@ def _resample(target: FloatArray, stamps: FloatArray, values: FloatArray, gap: f
             continue
         first, last = np.searchsorted(target, stamps[part[[0, -1]]], side="left")
         inside = slice(int(first), int(last))
-        spline = make_interp_spline(stamps[part], values[part], k=3)
-        out[inside] = spline(target[inside])
+        out[inside] = make_interp_spline(stamps[part], values[part], k=3)(target[inside])
     return np.asarray(out)
 
 
@@ -160,9 +155,9 @@ Pauses = tuple[IntArray, IntArray]
 """Intervals to cut out of time: where they begin and end, (k,) ns each."""
 
 
-def pauses_of(states: StampedMessages) -> tuple[Pauses, list[Note]]:
+def pauses_of(states: JointMessages) -> tuple[Pauses, list[Note]]:
     """Return the parts of long pauses to cut out, and a note if there are any."""
-    time = states.time
+    time = states.stamps
     steps = np.diff(time)
     shortest = max(round(LONGEST_PAUSE * 1e9), 3 * int(np.median(steps)))
     long = np.flatnonzero(steps > shortest)
@@ -177,30 +172,29 @@ def pauses_of(states: StampedMessages) -> tuple[Pauses, list[Note]]:
         f"{count} of {longest:.4g} s, first {first:.4g} s after the start: {shortest * 1e-9:g} s "
         f"of each are kept, so that later times of this recording are up to {removed:.4g} s early"
     )
-    return (begin, end), [Note(states.messages.topic, what, 1, limits=True)]
+    return (begin, end), [Note(states.topic, what, 1, limits=True)]
 
 
 def without_pauses(
-    stamped: Mapping[str, StampedMessages], pauses: Pauses
-) -> Mapping[str, StampedMessages]:
+    stamped: Mapping[str, JointMessages], pauses: Pauses
+) -> Mapping[str, JointMessages]:
     """Cut pauses out of all topics."""
     begin, end = pauses
     if len(begin) == 0:
         return stamped
     removed, shortened = np.concatenate([[0], np.cumsum(end - begin)]), {}
     for topic, messages in stamped.items():
-        pause = np.searchsorted(begin, messages.time, side="right") - 1
-        outside = (pause < 0) | (messages.time >= end[np.maximum(pause, 0)])
+        pause = np.searchsorted(begin, messages.stamps, side="right") - 1
+        outside = (pause < 0) | (messages.stamps >= end[np.maximum(pause, 0)])
         kept = messages if outside.all() else messages.taken(np.flatnonzero(outside))
-        before = removed[np.searchsorted(end, kept.time, side="right")]
-        shortened[topic] = replace(kept, time=kept.time - before)
+        before = removed[np.searchsorted(end, kept.stamps, side="right")]
+        shortened[topic] = replace(kept, stamps=kept.stamps - before)
     return shortened
 
 
 def bridged(values: FloatArray, invented: BoolArray, rate: float) -> None:
     """Replace the invented ones of the values (n,) of one joint by a smooth motion, in place."""
-    edges = np.diff(np.concatenate([[False], invented, [False]]).astype(int))
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    begins, ends = stretches_of(invented)
     since = np.concatenate([[0], ends])  # where what is measured before each gap begins
     until = np.concatenate([begins[1:], [len(values)]])
     edge = max(_EDGE_SAMPLES, round(_EDGE * rate))
@@ -222,9 +216,7 @@ def _edge_velocity(samples: FloatArray, rate: float) -> float:
     if len(samples) < 2:
         return 0.0
     degree = 2 if len(samples) >= _EDGE_SAMPLES else 1
-    return rate * float(
-        np.polynomial.polynomial.polyfit(np.arange(len(samples)), samples, degree)[1]
-    )
+    return rate * float(np.polyfit(np.arange(len(samples)), samples, degree)[-2])
 
 
 def _bridge(
@@ -240,8 +232,7 @@ def _bridge(
         return np.asarray(CubicHermiteSpline([0.0, duration], ends, speeds)(seconds))
     rests = ends[0] + 0.5 * _STOP * speeds[0], ends[1] - 0.5 * _STOP * speeds[1]
     times = [0.0, _STOP, duration - _STOP, duration]
-    positions = [ends[0], *rests, ends[1]]
-    spline = CubicHermiteSpline(times, positions, [speeds[0], 0.0, 0.0, speeds[1]])
+    spline = CubicHermiteSpline(times, [ends[0], *rests, ends[1]], [speeds[0], 0.0, 0.0, speeds[1]])
     return np.asarray(spline(seconds))
 
 
@@ -250,15 +241,15 @@ class Part:
     """Joints whose values come in the same messages, and these messages by source.
 
     An arm and its gripper may have separate messages on one topic, with other stamps and rates:
-    every part is sorted, stamped and interpolated separately. `columns` (k,) int: places of its
-    joints among all; `stamped`: messages with these columns only.
+    every part is sorted, stamped and interpolated separately.
     """
 
-    columns: IntArray
-    stamped: Mapping[str, StampedMessages]
+    columns: IntArray  # (k,), places of its joints among all
+    joints: tuple[str, ...]
+    stamped: Mapping[str, JointMessages]  # with these columns only
 
 
-def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ...]:
+def parts_of(sources: Mapping[str, JointMessages], names: Sequence[str], where: str) -> list[Part]:
     """Split the messages of all sources into parts: joints that come together in every source.
 
     Raises DataError: see `stamp_messages`.
@@ -278,8 +269,8 @@ def parts_of(sources: Mapping[str, JointMessages], where: str) -> tuple[Part, ..
     for joints in (np.flatnonzero(label == part) for part in dict.fromkeys(label.ravel().tolist())):
         of_joints = {source: _messages_of(sources[source], joints) for source in sources}
         stamped = {source: stamp_messages(some, where) for source, some in of_joints.items()}
-        parts.append(Part(joints, stamped))
-    return tuple(parts)
+        parts.append(Part(joints, tuple(names[joint] for joint in joints.tolist()), stamped))
+    return parts
 
 
 def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:
@@ -293,14 +284,6 @@ def _messages_of(messages: JointMessages, joints: IntArray) -> JointMessages:
     return replace(chosen, values=values, named=messages.named[:, joints])
 
 
-def parts_note(topic: str, parts: Sequence[Part], joints: Sequence[str]) -> list[Note]:
-    """Return a note that lists the joints of each part, if there are several parts."""
-    if len(parts) == 1:
-        return []
-    listed = "; ".join(", ".join(joints[place] for place in part.columns) for part in parts)
-    return [Note(topic, f"the joints come in {len(parts)} messages, put together: {listed}", 1)]
-
-
 def joined(
     grid: Grid, parts: Sequence[Part], source: str, name: str, *, stepwise: bool = False
 ) -> Signal:
@@ -308,15 +291,10 @@ def joined(
 
     `stepwise`: a value holds until the next one, as commands of servos do.
     """
-    first = parts[0].stamped[source].messages
-    origin, smooth = f"{first.topic} {first.origins.get(name, name)}", name == "position"
     topics = [part.stamped[source] for part in parts]
-    signals = [
-        on_grid(
-            grid, topic.time, topic.messages.values[name], origin, smooth=smooth, stepwise=stepwise
-        )
-        for topic in topics
-    ]
+    origin = f"{topics[0].topic} {topics[0].origins.get(name, name)}"
+    options = {"smooth": name == "position", "stepwise": stepwise}
+    signals = [on_grid(grid, of.stamps, of.values[name], origin, **options) for of in topics]
     if len(parts) == 1:
         return signals[0]
     order = np.argsort(np.concatenate([part.columns for part in parts]))

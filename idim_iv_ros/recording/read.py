@@ -18,7 +18,6 @@ from idim_iv_ros.recording.grid import (
     Part,
     joined,
     make_grid,
-    parts_note,
     parts_of,
     pauses_of,
     without_pauses,
@@ -109,9 +108,8 @@ def read_requested(
                 and np.array_equal(recording.effort.values, other.effort.values)
                 and np.array_equal(recording.position.values, other.position.values)
             ):
-                raise UsageError(
-                    f"{bag.path}: the same recording as {other.path}; give each one once"
-                )
+                same = f"the same recording as {other.path}"
+                raise UsageError(f"{bag.path}: {same}; give each one once")
         recordings.append(recording)
     return tuple(recordings)
 
@@ -147,7 +145,7 @@ def recording_of(messages: BagMessages) -> Recording:
             optional, reader = source == request.link_states, messages.readers[source]
             sources[source], left_out = checked_messages(bag.path, reader, optional=optional)
             notes += left_out
-        parts = list(parts_of(sources, str(bag.path)))
+        parts = parts_of(sources, request.joints, str(bag.path))
         made = _assemble(bag.path, request, parts, messages.description, notes)
     except DataError as error:
         words = "".join(f" ({note.sentence})" for note in notes)
@@ -161,27 +159,31 @@ def _assemble(
     """Unwrap, cut, clean and resample the parts, and return them as one recording."""
     joint_states, effort, reference = request.joint_states, request.effort, request.reference
     joints, links = request.joints, request.link_states
-    notes += parts_note(joint_states, parts, joints)
+    if len(parts) > 1:
+        listed = "; ".join(", ".join(part.joints) for part in parts)
+        what = f"the joints come in {len(parts)} messages, put together: {listed}"
+        notes.append(Note(joint_states, what, 1))
     pauses, of_pauses = pauses_of(parts[0].stamped[joint_states])
     notes += of_pauses
     prismatic = {*request.prismatic, *prismatic_joints(description or "")}
     followers = [source for source in (reference, links) if source is not None]
     for number, part in enumerate(parts):
         stamped = without_pauses(part.stamped, pauses)
-        names = [joints[column] for column in part.columns]
-        stamped = without_wraps(stamped, joint_states, followers, names, prismatic)
+        stamped = without_wraps(stamped, joint_states, followers, part.joints, prismatic)
         parts[number] = replace(part, stamped=stamped)
     grid, inactive = _common_grid(path, request, parts)
     notes += inactive
     frozen: tuple[FrozenStretches, ...] = ()
     for number, part in enumerate(parts):
         for source, topic in part.stamped.items():
-            notes += [*topic.notes, *topic.messages.notes(some_joints=source == links)]
+            notes += topic.notes(some_joints=source == links)
         if effort is not None:
-            names = [joints[column] for column in part.columns]
-            stamped, more = without_frozen(part.stamped, joint_states, effort, names, grid.start)
+            stamped, more = without_frozen(
+                part.stamped, joint_states, effort, part.joints, grid.start
+            )
             parts[number], frozen = replace(part, stamped=stamped), frozen + more
-    clocks = [topic.quality for part in parts for topic in part.stamped.values()]
+    topics = [topic for part in parts for topic in part.stamped.values()]
+    clocks = [topic.clock for topic in topics if topic.clock is not None]
     if len({clock.source for clock in clocks}) > 1:
         what = "topics with different clocks: their delay is not known"
         notes.append(Note(joint_states, what, 1))
@@ -226,30 +228,29 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
     topics do not overlap, or there are too few samples or too many gaps.
     """
     states = max(
-        (part.stamped[request.joint_states].time for part in parts),
+        (part.stamped[request.joint_states].stamps for part in parts),
         key=lambda time: float(np.median(np.diff(time))),
     )
     topics = [stamped for part in parts for stamped in part.stamped.items()]
-    needed = [
-        topic.time for source, topic in topics if source in (request.joint_states, request.effort)
-    ]
+    measured = (request.joint_states, request.effort)
+    needed = [topic.stamps for source, topic in topics if source in measured]
     first = max(int(time[0]) for time in needed)
     last = min(int(time[-1]) for time in needed)
-    jumps = [note.sentence for _, topic in topics for note in topic.notes if note.limits]
+    jumps = [note.sentence for _, topic in topics for note in topic.said if note.limits]
     because = f" ({'; '.join(dict.fromkeys(jumps))})" if jumps else ""
     apart = f"do not overlap in time{because}"
     notes: list[Note] = []
     if last <= first:
         raise DataError(f"{path}: {request.joint_states} and {request.effort} {apart}")
     for source, topic in topics:
-        if topic.time[-1] < first or topic.time[0] > last:
+        if topic.stamps[-1] < first or topic.stamps[0] > last:
             raise DataError(f"{path}: {source} and {request.joint_states} {apart}")
         if source == request.reference:
             # Outside, the control law does not act. A plain topic of references limits nothing:
             # after its last message the robot stands still.
             begin, end = first, last
-            active = topic.time[np.isfinite(topic.messages.values["position"]).all(axis=1)]
-            if topic.messages.origins and len(active):
+            active = topic.stamps[np.isfinite(topic.values["position"]).all(axis=1)]
+            if topic.origins and len(active):
                 begin, end = max(first, int(active[0])), min(last, int(active[-1]))
             before, after = (begin - first) * 1e-9, (last - end) * 1e-9
             if max(before, after) >= _NOTED:
@@ -276,7 +277,7 @@ def _common_grid(path: Path, request: Request, parts: Sequence[Part]) -> tuple[G
 
 def _velocity(grid: Grid, parts: Sequence[Part], source: str) -> Signal | None:
     """Return the velocities of a source; None if some joint has none."""
-    values = (part.stamped[source].messages.values["velocity"] for part in parts)
+    values = (part.stamped[source].values["velocity"] for part in parts)
     complete = all(np.isfinite(velocity).any(axis=0).all() for velocity in values)
     return joined(grid, parts, source, "velocity") if complete else None
 
@@ -302,8 +303,7 @@ def _missing_topic(bag: Bag, topic: str, request: Request) -> str:
 # s; at 1 kHz and seven joints an identification of so much takes less than a gigabyte. Filters
 # lose about a tenth of a second at each edge.
 SEGMENT = 300.0
-# A topic this many segments behind the others has ended, and is not waited for.
-_BEHIND = 2
+_BEHIND = 2  # a topic this many segments behind the others has ended, and is not waited for
 
 
 def read_segments(
@@ -332,9 +332,8 @@ def read_segments(
             # All topics are half a segment behind the end, as far as they go on. Topics of a chunk
             # come one after the other: when one comes again, the chunk before is done, and a topic
             # that was not in it for two segments has ended.
-            while (
-                min(latest.values()) >= end + length // 2 or latest[topic] >= end + _BEHIND * length
-            ):
+            ended = latest[topic] - _BEHIND * length
+            while min(latest.values()) >= end + length // 2 or ended >= end:
                 yield recorded(messages.before(end))
                 end += length
             latest[topic] = max(latest[topic], int(batch.arrival.max()))

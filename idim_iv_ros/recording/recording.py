@@ -13,7 +13,13 @@ from typing import Literal
 import numpy as np
 
 from idim_iv_ros.errors import UsageError, first_of
-from idim_iv_ros.types import BoolArray, FloatArray
+from idim_iv_ros.types import BoolArray, FloatArray, IntArray
+
+
+def stretches_of(marked: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the first sample of each run of marked ones (n,), and the sample behind it, (k,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]])))
+    return edges[::2], edges[1::2]
 
 
 @dataclass(frozen=True)
@@ -161,8 +167,7 @@ class Recording:
 
 # s; a robot that rested for longer has cooled down, or the stamps are of two different clocks.
 LONGEST_PAUSE = 3600.0
-# Recordings that are listed one by one in a sentence.
-_LISTED = 6
+_LISTED = 6  # recordings that are listed one by one in a sentence
 
 
 @dataclass(frozen=True)
@@ -179,14 +184,11 @@ class SessionPart:
 
 @dataclass(frozen=True)
 class Session:
-    """Recordings by their first stamps, with a common time, in which no `parts` overlap.
-
-    `sentences`: how stamps became the time of the session; empty for a single recording.
-    """
+    """Recordings by their first stamps, with a common time, in which no `parts` overlap."""
 
     recordings: tuple[Recording, ...]
     parts: tuple[SessionPart, ...]
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...]  # how stamps became the time of the session; empty for one recording
 
 
 def session_of(recordings: Sequence[Recording]) -> Session:
@@ -206,8 +208,7 @@ def session_of(recordings: Sequence[Recording]) -> Session:
     overlapping, shortened = [], []
     end, stamp = 0.0, ordered[0].start
     for recording in ordered:
-        alone = names.count(recording.path.name) == 1
-        name = recording.path.name if alone else str(recording.path)
+        name = recording.path.name if names.count(recording.path.name) == 1 else str(recording.path)
         pause = recording.start - stamp
         # Less than half a sample is rounding of the stamps.
         if pause < -0.5 / recording.rate:

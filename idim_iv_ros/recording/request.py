@@ -45,18 +45,15 @@ _QUANTITIES = {
 
 @dataclass(frozen=True)
 class Request:
-    """Joints and topics to read of a bag, and which joints are known to be prismatic.
-
-    A topic may be given with a field, ``topic#field``. `effort` is None for robots without efforts.
-    `node_topics`: full names of the calling node, by relative name.
-    """
+    """Joints and topics to read of a bag; a topic may have a field, ``topic#field``."""
 
     joints: Sequence[str]
     joint_states: str
-    effort: str | None
+    effort: str | None  # None for robots without efforts
     reference: str | None
-    prismatic: Collection[str] = ()
+    prismatic: Collection[str] = ()  # joints that are known to be
     link_states: str | None = None
+    # Full names of the calling node, by relative name.
     node_topics: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -116,8 +113,7 @@ def _with_full_names(bag: Bag, request: Request, relative: Mapping[str, str]) ->
     """
     # A field that is named may belong to any type.
     any_type = any(field_of(name) for name in request.named.values())
-    kinds = bag.topic_types().items()
-    topics = [name for name, kind in kinds if any_type or may_hold_joints(kind)]
+    topics = [name for name, kind in bag.topic_types().items() if any_type or may_hold_joints(kind)]
     key, first = next(iter(relative.items()))
     resolved = {name: request.node_topics.get(name, in_root(name)) for name in relative.values()}
     candidates = sorted(topic for topic in topics if topic.endswith(f"/{first}"))
@@ -200,8 +196,7 @@ def prismatic_joints(urdf: str) -> frozenset[str]:
         root = ElementTree.fromstring(urdf)
     except (ElementTree.ParseError, ValueError):
         return frozenset()
-    joints = root.iter("joint")
-    return frozenset(e.get("name", "") for e in joints if e.get("type") == "prismatic")
+    return frozenset(e.get("name", "") for e in root.iter("joint") if e.get("type") == "prismatic")
 
 
 def unused_references(bag: Bag, used: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:

@@ -52,8 +52,7 @@ _WORDS = {
 # Words that tell no joint from another.
 _OF_ALL = re.compile("j|joints?|axis|motor|robot|arm|observation|deg|rad|nm")
 
-# Stamps of ROS messages count seconds in 32 bits.
-_LAST_STAMP = float(2**31 - 1)
+_LAST_STAMP = float(2**31 - 1)  # stamps of ROS messages count seconds in 32 bits
 _TOPICS = {
     "/joint_states": ("position", "velocity", "effort"),
     "/joint_reference": ("reference", "velocity_reference"),
@@ -93,19 +92,16 @@ class Units(_Part):
 
 
 class TableMap(_Part):
-    """Description of a table by a user: columns, units and format.
+    """Description of a table by a user: columns, units and format."""
 
-    `file`: the table, relative to the map. `time`: None where `rate`, Hz, is given instead.
-    `delimiter`, `decimal`, `comment` are as in `TextTable`. `rows`: only rows with these numbers
-    in these columns are read, where a table holds several recordings.
-    """
-
-    file: str
-    time: Stamps | None = None
-    rate: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    file: str  # the table, relative to the map
+    time: Stamps | None = None  # None where `rate` is given instead
+    rate: Annotated[float, Field(gt=0.0, le=1e9)] | None = None  # Hz
+    # Only rows with these numbers in these columns are read, where there are several recordings.
     rows: dict[str, float] = {}
     joints: Annotated[dict[Annotated[str, Field(min_length=1)], JointColumns], Field(min_length=1)]
     units: Units = Units()
+    # These three are as in `TextTable`.
     delimiter: Annotated[str, Field(max_length=1)] = ""
     decimal: Literal[".", ","] = "."
     comment: str = "#"
@@ -211,9 +207,8 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
         if number.isdigit() and int(number) < values.shape[1]:
             columns.append(values[:, int(number)])
         elif rest or values.shape[1] > 1:
-            raise UsageError(
-                f"{table}: no column {name}; write {whole}[0] to [{values.shape[1] - 1}]"
-            )
+            last = values.shape[1] - 1
+            raise UsageError(f"{table}: no column {name}; write {whole}[0] to [{last}]")
         else:
             columns.append(values[:, 0])
     return columns
@@ -221,10 +216,9 @@ def _array_columns(table: Path, wanted: list[str]) -> list[FloatArray]:
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """Summary of an import.
+    """Summary of an import: mean `rate`, Hz, and `duration`, s.
 
-    `rate`, `duration`: mean rate in Hz, s. `warnings`: on rows with impossible values, which were
-    written as missing.
+    `warnings`: on rows with impossible values, which were written as missing.
     """
 
     samples: int
@@ -275,9 +269,7 @@ def import_table(
             joints,
             str(table),
             "mend the table or leave these rows out",
-            row="row",
-            first=0,
-            missing=True,
+            table=True,
         )
         if sentence:
             warnings.append(f"{table}: {sentence}; imported as missing")
@@ -362,8 +354,7 @@ def proposed_map(table: Path) -> str:
         "# Which column is what: correct it, then idim-iv import OUT.mcap --columns THIS_FILE",
         f"file: {_quote(table.name)}  # beside this map",
     ]
-    positions = [columns["position"] for columns in joints.values()]
-    decimal, iso = _text_format(table, time, positions)
+    decimal, iso = _text_format(table, time, [columns["position"] for columns in joints.values()])
     if time is None:
         lines.append("rate: 1000.0  # rows per second: no column is named like a time; CHECK")
     else:

@@ -67,15 +67,10 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
         from scipy.io import whosmat  # here, because a recorder starts faster without it
 
         return {name: shape for name, shape, _ in whosmat(path)}
-    shapes: dict[str, tuple[int, ...]] = {}
-
-    def add(name: str, item: Any) -> None:
-        if hasattr(item, "shape"):
-            shapes[name] = item.shape
-
     with needs_tables(path, "h5py").File(path) as file:
-        file.visititems(add)
-    return shapes
+        names: list[str] = []
+        file.visit(names.append)
+        return {name: file[name].shape for name in names if hasattr(file[name], "shape")}
 
 
 def read_array(path: Path, name: str) -> FloatArray:
@@ -251,9 +246,8 @@ def _npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 
 def _require_size(path: Path, size: int) -> None:
     if size > _LARGEST:
-        raise UsageError(
-            f"{path}: {size / 1e9:.3g} GB in one array; split it into bags of less than 1 GB"
-        )
+        advice = "split it into bags of less than 1 GB"
+        raise UsageError(f"{path}: {size / 1e9:.3g} GB in one array; {advice}")
 
 
 def is_number(value: object) -> bool:

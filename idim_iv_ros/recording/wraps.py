@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from idim_iv_ros.recording.clock import GAP, StampedMessages
+from idim_iv_ros.recording.bags.joint_messages import JointMessages
+from idim_iv_ros.recording.clock import GAP
 from idim_iv_ros.recording.recording import Note
 from idim_iv_ros.types import FloatArray, IntArray
 
@@ -28,55 +29,42 @@ _WHOLE = 0.5
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A position without wraps, (n,) rad.
+    """A position without wraps."""
 
-    `wraps`: how many were removed. `breaks` (k,) int: samples behind gaps, from which on the number
-    of turns is a guess.
-    """
-
-    position: FloatArray
-    wraps: int
-    breaks: IntArray
+    position: FloatArray  # (n,), rad
+    wraps: int  # how many were removed
+    breaks: IntArray  # (k,), samples behind gaps, from which on the number of turns is a guess
 
 
 def without_wraps(
-    stamped: Mapping[str, StampedMessages],
+    stamped: Mapping[str, JointMessages],
     joint_states: str,
     followers: Sequence[str],
     joints: Sequence[str],
     sliding: Collection[str],
-) -> dict[str, StampedMessages]:
+) -> dict[str, JointMessages]:
     """Remove the wraps of positions, and bring references and link positions to the same turn.
 
     `stamped`: messages of each topic. `joint_states`, `followers`: topics of the positions, and of
     references or encoders behind the gears. `sliding`: prismatic joints, which have no turns.
     """
-    new = dict(stamped)
+    new, states = dict(stamped), stamped[joint_states]
     for column, joint in enumerate(joints):
         if joint in sliding:
             continue
-        states = stamped[joint_states]
-        position = unwrapped(states.time, states.messages.values["position"][:, column])
+        position = unwrapped(states.stamps, states.values["position"][:, column])
         if position.wraps:
             new[joint_states] = _with_positions(new[joint_states], column, joint, position)
-        for follower in followers:
-            if follower != joint_states:
-                new[follower] = _follow_turns(position, states.time, new[follower], column, joint)
+        for follower in followers if np.isfinite(position.position).any() else ():
+            topic = new[follower]
+            reference = unwrapped(topic.stamps, topic.values["position"][:, column])
+            if follower == joint_states or not np.isfinite(reference.position).any():
+                continue
+            turns = _turns_between(states.stamps, position, topic.stamps, reference)
+            if reference.wraps or turns.any():
+                whole = replace(reference, position=reference.position + TURN * turns)
+                new[follower] = _with_positions(topic, column, joint, whole)
     return new
-
-
-def _follow_turns(
-    position: Unwrapped, time: IntArray, topic: StampedMessages, column: int, joint: str
-) -> StampedMessages:
-    """Return a topic without wraps, one joint in the turns of its position at `time` (n,)."""
-    reference = unwrapped(topic.time, topic.messages.values["position"][:, column])
-    if not np.isfinite(reference.position).any() or not np.isfinite(position.position).any():
-        return topic
-    turns = _turns_between(time, position, topic.time, reference)
-    if not reference.wraps and not turns.any():
-        return topic
-    whole = replace(reference, position=reference.position + TURN * turns)
-    return _with_positions(topic, column, joint, whole)
 
 
 def unwrapped(time: IntArray, position: FloatArray) -> Unwrapped:
@@ -131,12 +119,12 @@ def _turns_between(
 
 
 def _with_positions(
-    stamped: StampedMessages, column: int, joint: str, position: Unwrapped
-) -> StampedMessages:
-    values = stamped.messages.values["position"].copy()
+    stamped: JointMessages, column: int, joint: str, position: Unwrapped
+) -> JointMessages:
+    values = stamped.values["position"].copy()
     values[:, column] = position.position
     times = "once" if position.wraps == 1 else f"{position.wraps} times"
     sentence = f"position of {joint} wraps after one turn ({times}): unwrapped"
     if not position.wraps:
         sentence = f"the reference of {joint} is put into the same turn as its position"
-    return stamped.with_values("position", values, Note(stamped.messages.topic, sentence, 1))
+    return stamped.with_values("position", values, Note(stamped.topic, sentence, 1))

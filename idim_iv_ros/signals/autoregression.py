@@ -42,13 +42,11 @@ class Segments(tuple[slice, ...]):
 class AutoregressiveModel:
     """ε = H(z⁻¹) ε_N with H = 1/C, C = 1 + c₁ z⁻¹ + … + c_p z⁻ᵖ (paper, equation 11, D = 1).
 
-    `reflections` (p,): κ₁ … κ_p of the lattice, all of modulus below 1, which makes 1/C stable.
-    They hold the predictors of every lower order too, and those start a segment exactly.
-    `innovation_variance`: σ² of the white noise ε_N, in the squared unit of the residual.
+    The reflections hold the predictors of every lower order too, which start a segment exactly.
     """
 
-    reflections: FloatArray
-    innovation_variance: float
+    reflections: FloatArray  # (p,), κ₁ … κ_p of the lattice, of modulus below 1: 1/C is stable
+    innovation_variance: float  # σ² of the white noise ε_N, in the squared unit of the residual
 
     @property
     def order(self) -> int:
@@ -153,13 +151,11 @@ class AutoregressiveModel:
 
         With G the result, σ² GᵀG = rowsᵀ R rows exactly, where R is the covariance that the model
         gives the residual at the rows' places: what the covariance of an estimate needs that did
-        not filter its rows. Dropped rows stay zero: the residual exists there, only nobody weighs
-        it.
+        not filter its rows. Dropped rows stay zero: the residual is there, only nobody weighs it.
 
         `rows` (r, k): columns of Z of one joint, unfiltered. `positions` (r,) increasing int: place
         of each row on the regular grid; those further apart than the memory of the filter, as
-        recordings are, count as independent. Returns (g, k) with g ≥ r: one row for each place that
-        was filled.
+        recordings are, count as independent. Returns (g, k), g ≥ r: one row for each filled place.
         """
         if len(rows) == 0 or self.order == 0:
             return np.array(rows, dtype=float)

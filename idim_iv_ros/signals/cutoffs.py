@@ -21,18 +21,13 @@ _HIGHEST_CUTOFF = 0.8  # of the Nyquist frequency, for the positions
 
 @dataclass(frozen=True)
 class Cutoffs:
-    """What the signals are filtered with, and why.
+    """What the signals are filtered with, and why."""
 
-    `position`, `decimation`: Hz. `factors`: decimation factor of each recording. `row_rate`:
-    decimated samples per second, the same for all recordings, Hz. `reasons`: one sentence for each
-    value that was proposed or derived.
-    """
-
-    position: float
-    decimation: float
-    factors: tuple[int, ...]
-    row_rate: float
-    reasons: tuple[str, ...]
+    position: float  # Hz
+    decimation: float  # Hz
+    factors: tuple[int, ...]  # of the decimation of each recording
+    row_rate: float  # decimated samples per second, the same for all recordings, Hz
+    reasons: tuple[str, ...]  # one sentence for each value that was proposed or derived
 
 
 def choose_cutoffs(
@@ -79,13 +74,11 @@ def choose_cutoffs(
             f"position_cutoff {position:g} Hz: the torque would hold frequencies that the "
             "filtered positions have lost"
         )
-    common = common_factors(
-        [record.rate for record in records], decimation, processing.decimation_edge
-    )
+    rates = [record.rate for record in records]
+    common = common_factors(rates, decimation, processing.decimation_edge)
     if common is None:
         names = {record.rate: record.name for record in reversed(records)}
-        rates = dict.fromkeys(record.rate for record in records)
-        listed = ", ".join(f"{names[other]} with {other:g} Hz" for other in rates)
+        listed = ", ".join(f"{names[rate]} with {rate:g} Hz" for rate in dict.fromkeys(rates))
         raise DataError(
             f"{listed}: no decimation that leaves {decimation:g} Hz "
             f"(processing.decimation_cutoff of {source}) brings them to one rate; identify them "

@@ -28,37 +28,29 @@ _PADDING = 3 * _ORDER
 # its bands of frequency and blocks of time are not resolved any finer. Bags of one rig differ by as
 # much; each keeps its own stamps, filters and derivatives, and nothing is interpolated.
 _SAME_RATE = 0.02
-# Signals that are filtered together, and samples of a tile.
-_LANES, _TILE = 32, 64
+_LANES, _TILE = 32, 64  # signals that are filtered together, and samples of a tile
 # Smallest state of a filter in double and in single precision.
 _SMALLEST = {np.dtype(np.float64): 1e-200, np.dtype(np.float32): 1e-30}
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Decimated samples `kept` (indices in the full record) and the samples needed for them.
-
-    `places`: of these samples among all decimated ones.
-    """
+    """Samples `first` to `last`, the end excluded, which decimated ones need."""
 
     first: int
     last: int
-    kept: NDArray[np.int64]
-    places: slice
+    kept: NDArray[np.int64]  # decimated samples, as indices in the full record
+    places: slice  # of these among all decimated ones
 
 
 @dataclass(frozen=True)
 class ParallelDecimation:
-    """Keep one sample in `factor` of a record of `samples`, after the low-pass filter.
+    """Keep one sample in `factor` of a record of `samples`, after the low-pass filter."""
 
-    `factor`: 1 keeps everything and filters nothing. `edge`: of the filter, as a share of the new
-    Nyquist frequency. `phase`: which sample of each group is kept; MATLAB keeps the last one.
-    """
-
-    factor: int
+    factor: int  # 1 keeps everything and filters nothing
     samples: int
-    edge: float
-    phase: Literal["first", "last"] = "first"
+    edge: float  # of the filter, as a share of the new Nyquist frequency
+    phase: Literal["first", "last"] = "first"  # sample that is kept of each group; MATLAB: the last
 
     @property
     def kept(self) -> NDArray[np.int64]:
@@ -69,9 +61,8 @@ class ParallelDecimation:
 
     @cached_property
     def _sections(self) -> FloatArray:
-        return np.asarray(
-            scipy.signal.cheby1(_ORDER, _RIPPLE, self.edge / self.factor, output="sos")
-        )
+        edge = self.edge / self.factor
+        return np.asarray(scipy.signal.cheby1(_ORDER, _RIPPLE, edge, output="sos"))
 
     @cached_property
     def _constant_state(self) -> FloatArray:
@@ -85,9 +76,8 @@ class ParallelDecimation:
         """
         kept = self.kept
         memory = _MEMORY * self.factor if self.factor > 1 else 2
-        groups = max(1, length // self.factor)
-        if self.samples <= length + memory:
-            groups = len(kept)
+        fits = self.samples <= length + memory
+        groups = len(kept) if fits else max(1, length // self.factor)
         for start in range(0, len(kept), groups):
             inside = kept[start : start + groups]
             first = max(0, int(inside[0]) - memory)
@@ -95,19 +85,15 @@ class ParallelDecimation:
             yield Chunk(first, last, inside, slice(start, start + groups))
 
     def apply(self, signal: FloatArray, chunk: Chunk) -> FloatArray:
-        """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``."""
+        """Filter samples ``chunk.first … chunk.last`` along axis 0 and keep ``chunk.kept``.
+
+        The result is that of `scipy.signal.sosfiltfilt` to the last bit; signals in single
+        precision are filtered in it, in half of the time.
+        """
         kept = chunk.kept - chunk.first
         if self.factor == 1:
             return np.asarray(signal[kept])
         lines = signal.reshape(len(signal), -1).T
-        return self._filtered(lines, kept).T.reshape(len(kept), *signal.shape[1:])
-
-    def _filtered(self, lines: FloatArray, kept: IntArray) -> FloatArray:
-        """Filter (k, n) forward and backward along the last axis, and keep some samples.
-
-        The result (k, len(kept)) is that of `scipy.signal.sosfiltfilt` to the last bit; lines in
-        single precision are filtered in it, in half of the time.
-        """
         count = min(_PADDING, lines.shape[1] - 1)
         precision = lines.dtype if lines.dtype in _SMALLEST else np.dtype(np.float64)
         filtered = np.empty((len(lines), len(kept)), precision)
@@ -123,7 +109,7 @@ class ParallelDecimation:
             precision.type(_SMALLEST[precision]),
             filtered,
         )
-        return filtered
+        return filtered.T.reshape(len(kept), *signal.shape[1:])
 
     def at(self, signal: FloatArray, places: IntArray) -> FloatArray:
         """Filter a whole record (n_samples, …) and keep the samples at `places`, any of them."""

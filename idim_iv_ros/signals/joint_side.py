@@ -17,40 +17,28 @@ _TORQUES = (1e-9, 1e9)
 
 @dataclass(frozen=True)
 class JointSignals:
-    """A recording in joint coordinates, on its uniform grid.
-
-    `rate`: Hz. `position`: (n_samples, n_joints), measured, unfiltered, rad or m. `torque`:
-    (n_samples, n_joints), N m or N (or the unit of the effort where that is no torque). `valid`:
-    (n_samples, n_joints) bool, whether the joint's position and torque rest on measurements.
-    `velocity`: (n_samples, n_joints) or None, as the driver publishes it, rad/s or m/s; the control
-    law is fitted with it. `position_reference`, `velocity_reference`: (n_samples, n_joints) or
-    None. `link_position`: (n_samples, n_joints) or None, of encoders behind the gears, unfiltered,
-    rad or m. `link_valid`: (n_samples, n_joints) bool or None, whether that rests on measurements.
-    """
+    """A recording in joint coordinates, on its uniform grid; all arrays (n_samples, n_joints)."""
 
     name: str
-    rate: float
-    position: FloatArray
-    torque: FloatArray
-    valid: BoolArray
+    rate: float  # Hz
+    position: FloatArray  # measured, unfiltered, rad or m
+    torque: FloatArray  # N m or N (or the unit of the effort where that is no torque)
+    valid: BoolArray  # whether the joint's position and torque rest on measurements
+    # As the driver publishes it, rad/s or m/s; the control law is fitted with it.
     velocity: FloatArray | None = None
-    position_reference: FloatArray | None = None
-    velocity_reference: FloatArray | None = None
-    link_position: FloatArray | None = None
-    link_valid: BoolArray | None = None
+    position_reference: FloatArray | None = None  # rad or m
+    velocity_reference: FloatArray | None = None  # rad/s or m/s
+    link_position: FloatArray | None = None  # of encoders behind the gears, unfiltered, rad or m
+    link_valid: BoolArray | None = None  # whether that rests on measurements
 
 
 @dataclass(frozen=True)
 class JointTransform:
-    """From the side of what is recorded to the joints.
+    """From the side of what is recorded to the joints: q = to_joint · q_recorded + offset."""
 
-    `to_joint`, `to_torque` (n_joints, n_joints): q = to_joint · q_recorded + offset, τ = to_torque
-    · effort, with the scale of the efforts; `offset` (n_joints,) rad or m.
-    """
-
-    to_joint: FloatArray
-    to_torque: FloatArray
-    offset: FloatArray
+    to_joint: FloatArray  # (n_joints, n_joints)
+    to_torque: FloatArray  # (n_joints, n_joints), τ = to_torque · effort, scale of efforts included
+    offset: FloatArray  # (n_joints,), rad or m
 
     def position(self, recorded: FloatArray) -> FloatArray:
         """Positions (n_samples, n_joints) of the joints, rad or m."""
@@ -107,8 +95,7 @@ def joint_side(recording: Recording, configuration: Configuration) -> JointSigna
     if unasked is not None:
         invented |= unasked
     measured, link = recording.velocity, recording.link_position
-    servo = configuration.signals.effort_topic is None
-    asked = None if servo else recording.velocity_reference
+    asked = None if configuration.signals.effort_topic is None else recording.velocity_reference
     return JointSignals(
         name=recording.path.name,
         rate=recording.rate,

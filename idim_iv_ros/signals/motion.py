@@ -34,20 +34,15 @@ _NOISE_BAND = 3.0  # times the decimation cut-off, where only noise is left
 
 @dataclass(frozen=True)
 class Motion:
-    """A recording whose positions are filtered and whose ends are trimmed.
-
-    `cutoff`: of the position filter, Hz. `order`: of one pass of the position filter. `position`:
-    (n_samples, n_joints), zero-phase filtered, rad or m, not trimmed. `span`: slice, the trimmed
-    part; everything below refers to it. `kept`: (n_kept, n_joints) bool, decimated samples that
-    count for each joint: measured, faster than the reversal speed.
-    """
+    """A recording whose positions are filtered and whose ends are trimmed."""
 
     signals: JointSignals
-    cutoff: float
-    order: int
-    position: FloatArray
-    span: slice
+    cutoff: float  # of the position filter, Hz
+    order: int  # of one pass of the position filter
+    position: FloatArray  # (n_samples, n_joints), zero-phase filtered, rad or m, not trimmed
+    span: slice  # the trimmed part; everything below refers to it
     decimation: ParallelDecimation
+    # (n_kept, n_joints), decimated samples that count: measured, faster than the reversal speed.
     kept: BoolArray
     dropped: dict[str, int]
 
@@ -195,9 +190,8 @@ def decimated_motion(
     """Return a filtered record (n_samples, n_joints), with the decimated samples that count."""
     cutoff, factor = cutoff_and_factor
     samples = span.stop - span.start
-    decimation = ParallelDecimation(
-        factor, samples, processing.decimation_edge, processing.decimation_phase
-    )
+    edge, phase = processing.decimation_edge, processing.decimation_phase
+    decimation = ParallelDecimation(factor, samples, edge, phase)
     fast = fast_samples(position[span], record.rate, minimum_speed, couplings)
     margin = processing.reversal_margin
     distance = round((REVERSAL_MARGIN if margin is None else margin) * factor)

@@ -14,7 +14,8 @@ from idim_iv_ros.effects.contribution import (
 )
 from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model import DynamicParameters, RobotModel
-from idim_iv_ros.signals import Motion, central_differences
+from idim_iv_ros.signals.filters import central_differences
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation.affected_robot import (
     affected_robot,
     encoder_error,

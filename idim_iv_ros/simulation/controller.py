@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.signals import JointSignals
+from idim_iv_ros.signals.joint_side import JointSignals
 from idim_iv_ros.types import FloatArray
 
 # Always in the law; the others enter only where they lower the residual's energy by this share.

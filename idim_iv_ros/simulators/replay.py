@@ -32,7 +32,8 @@ from idim_iv_ros.model.mjcf import (
     native_elements,
 )
 from idim_iv_ros.progress import Progress, Stopwatch
-from idim_iv_ros.signals import Motion, central_differences
+from idim_iv_ros.signals.filters import central_differences
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation import ControlLaw, SimulatedEffect
 from idim_iv_ros.simulation.effects import contributions_of
 from idim_iv_ros.simulators.effects_file import EffectsFile, constant_torques, read_effects

@@ -11,7 +11,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands
 from idim_iv_ros.diagnosis.refit.smooth_motion import SmoothMotion
 from idim_iv_ros.model import DynamicParameters
-from idim_iv_ros.signals import ParallelDecimation
+from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.simulation import inverse_dynamics
 from tests.estimation.test_simulated_arms import recorded
 

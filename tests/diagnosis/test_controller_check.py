@@ -15,7 +15,7 @@ from idim_iv_ros.diagnosis.refit.baseline import Baseline, baseline
 from idim_iv_ros.diagnosis.refit.command_rows import LawCommands, LawSpeed, law_speed
 from idim_iv_ros.diagnosis.result.causes import Cause
 from idim_iv_ros.effects.cause import EffectParameter
-from idim_iv_ros.signals import JointSignals
+from idim_iv_ros.signals.joint_side import JointSignals
 from idim_iv_ros.simulation import simulate_closed_loop
 from tests.diagnosis.motions import with_signals
 from tests.diagnosis.test_answer import cause

@@ -26,7 +26,7 @@ from idim_iv_ros.effects.registry import STRUCTURAL
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.estimation.likelihood import Fit
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.signals import ParallelDecimation
+from idim_iv_ros.signals.decimation import ParallelDecimation
 from idim_iv_ros.simulation import ControlLaw
 from tests.estimation.test_simulated_arms import recorded
 from tests.inputs import changed

@@ -11,7 +11,7 @@ from idim_iv_ros.diagnosis.comparison.ledger import RowNoise, scale_of
 from idim_iv_ros.diagnosis.identifiability import Absorption
 from idim_iv_ros.estimation.likelihood import Regression
 from idim_iv_ros.estimation.rows import JointRows
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 
 VALUES = np.array([1.5, -0.7, 0.4])
 

@@ -216,7 +216,7 @@ def test_a_task_that_fails_is_one_answer_with_its_reason(client: Any) -> None:
 
 def test_a_worker_of_another_version_ends_the_run_whenever_it_came(client, monkeypatch) -> None:
     its = code_version()
-    monkeypatch.setattr(commands, "code_version", lambda: "0.1+other")
+    monkeypatch.setattr(commands.source, "code_version", lambda: "0.1+other")
     with pytest.raises(UsageError) as refused:
         answers_of(client, reciprocal, 2)
     for words in (client.scheduler.address, its, "0.1+other"):

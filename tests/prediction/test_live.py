@@ -17,7 +17,8 @@ from idim_iv_ros.prediction.live import (
     LivePrediction,
     Prediction,
 )
-from idim_iv_ros.signals import ParallelDecimation, central_differences, zero_phase_butterworth
+from idim_iv_ros.signals.decimation import ParallelDecimation
+from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
 from idim_iv_ros.signals.motion import difference_order
 from idim_iv_ros.types import FloatArray
 from tests.inputs import changed

@@ -51,7 +51,7 @@ def looked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[int, i
 
 
 def test_at_no_instant_a_file_holds_more_than_metadata_says(tmp_path: Path, looked) -> None:
-    bag = GrowingBag(tmp_path / "bag", topics=[TOPIC])
+    bag = GrowingBag(tmp_path / "bag", topics={TOPIC.name: TOPIC})
     assert counts(bag.folder) == (0, 0)
     for k in range(2):
         bag.add(messages(1 + 10 * k, 10))
@@ -67,7 +67,7 @@ def test_at_no_instant_a_file_holds_more_than_metadata_says(tmp_path: Path, look
 
 
 def test_what_a_full_disk_refuses_is_not_promised(tmp_path, monkeypatch) -> None:
-    bag = GrowingBag(tmp_path / "bag", topics=[TOPIC])
+    bag = GrowingBag(tmp_path / "bag", topics={TOPIC.name: TOPIC})
     bag.add(messages(1, 10))
     bag.commit()
     bag.add(messages(11, 10))
@@ -83,7 +83,7 @@ def test_what_a_full_disk_refuses_is_not_promised(tmp_path, monkeypatch) -> None
 def test_a_bag_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(os, "pwrite", full)
     with pytest.raises(OSError, match="No space"):
-        GrowingBag(tmp_path / "bag", topics=[TOPIC])
+        GrowingBag(tmp_path / "bag", topics={TOPIC.name: TOPIC})
     assert not (tmp_path / "bag").exists()
 
 
@@ -92,7 +92,7 @@ def test_a_bag_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch) -> None:
     [("default", "zstd"), ("none", ""), ("fast", "lz4"), ("small", "zstd")],
 )
 def test_a_preset_decides_how_chunks_are_compressed(tmp_path: Path, preset, compression) -> None:
-    bag = GrowingBag(tmp_path / "bag", topics=[TOPIC], storage=PRESETS[preset])
+    bag = GrowingBag(tmp_path / "bag", topics={TOPIC.name: TOPIC}, storage=PRESETS[preset])
     for k in range(3000):
         raw = bytes(STORE.serialize_cdr(joint_state(k / 1000.0), TOPIC.message_type))
         bag.add([(k * 1_000_000, TOPIC.name, raw, k * 1_000_000, k)])

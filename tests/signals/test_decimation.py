@@ -10,15 +10,11 @@ from idim_iv_ros.configuration import Configuration, ProcessingSection
 from idim_iv_ros.errors import DataError
 from idim_iv_ros.recording.read import read_recordings
 from idim_iv_ros.recording.writing.write import JointTopic, write_bag
-from idim_iv_ros.signals import (
-    Cutoffs,
-    central_differences,
-    filter_motion,
-    joint_side,
-    zero_phase_butterworth,
-)
+from idim_iv_ros.signals.cutoffs import Cutoffs
 from idim_iv_ros.signals.decimation import ParallelDecimation, common_factors, decimation_factor
-from idim_iv_ros.signals.joint_side import JointSignals
+from idim_iv_ros.signals.filters import central_differences, zero_phase_butterworth
+from idim_iv_ros.signals.joint_side import JointSignals, joint_side
+from idim_iv_ros.signals.motion import filter_motion
 
 
 def noise(samples: int) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from idim_iv_ros.signals import shifted
+from idim_iv_ros.signals.filters import shifted
 
 
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 4.7, -2.3])

@@ -9,7 +9,7 @@ import scipy
 from bags.simulated_arms import SimulatedArm, arm2, arm6, record
 from idim_iv_ros.configuration import ControllerSection
 from idim_iv_ros.errors import UsageError
-from idim_iv_ros.signals import JointSignals
+from idim_iv_ros.signals.joint_side import JointSignals
 from idim_iv_ros.simulation import (
     ClosedLoopResult,
     SimulatedEffect,

@@ -12,7 +12,7 @@ from idim_iv_ros import Configuration, DataError, UsageError, load_configuration
 from idim_iv_ros.excitation.excite import random_motion
 from idim_iv_ros.identification.prepare import read_configured
 from idim_iv_ros.model import build_inverse_model
-from idim_iv_ros.signals import joint_side
+from idim_iv_ros.signals.joint_side import joint_side
 from idim_iv_ros.simulation import mass_matrix
 from idim_iv_ros.simulators.recording import simulate, simulated_robot
 from tests.inputs import changed

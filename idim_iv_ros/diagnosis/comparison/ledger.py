@@ -19,7 +19,7 @@ from idim_iv_ros.estimation.qr import Basis, independent_basis
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters, InverseModel
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.types import FloatArray, IntArray, SingleArray
 
 BLOCK = 2.5  # s: rows this far apart are taken as independent

@@ -10,7 +10,7 @@ from idim_iv_ros.diagnosis import settings
 from idim_iv_ros.diagnosis.comparison.candidate import Candidate, Key, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.ledger import Ledger, RowNoise
 from idim_iv_ros.effects.effect import Shape
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _AT_ONCE = 128  # columns that are whitened together

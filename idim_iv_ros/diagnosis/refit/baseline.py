@@ -33,8 +33,8 @@ from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, require_excitation
 from idim_iv_ros.model.parameters import unit_at
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.signals import Motion, shifted
-from idim_iv_ros.signals.motion import noise_density
+from idim_iv_ros.signals.filters import shifted
+from idim_iv_ros.signals.motion import Motion, noise_density
 from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray, IntArray
 

@@ -22,8 +22,9 @@ from idim_iv_ros.estimation.instruments import InstrumentSources, SimulatedLoop
 from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.estimation.observation import segments_of
 from idim_iv_ros.estimation.qr import independent_basis
-from idim_iv_ros.signals import JointSignals, Motion, shifted
-from idim_iv_ros.signals.motion import all_around
+from idim_iv_ros.signals.filters import shifted
+from idim_iv_ros.signals.joint_side import JointSignals
+from idim_iv_ros.signals.motion import Motion, all_around
 from idim_iv_ros.simulation import ControlLaw, factor_of_lateness
 from idim_iv_ros.statistics.residuals import excess_kurtosis
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray

@@ -12,7 +12,7 @@ from idim_iv_ros.diagnosis.result.causes import LEAST_ROOM, Gap
 from idim_iv_ros.diagnosis.result.document import Stage
 from idim_iv_ros.estimation.likelihood import Fit, Regression, white_noise
 from idim_iv_ros.estimation.qr import NOT_SHOWN, independent_basis, r_factor, stacked_r_factor
-from idim_iv_ros.signals import AutoregressiveModel
+from idim_iv_ros.signals.autoregression import AutoregressiveModel
 from idim_iv_ros.statistics.bootstrap import energies, interval, resampled, roots
 from idim_iv_ros.types import FloatArray, IntArray
 

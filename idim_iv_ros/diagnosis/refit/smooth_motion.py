@@ -30,7 +30,9 @@ from idim_iv_ros.estimation.idim_iv import IdimIvEstimate
 from idim_iv_ros.estimation.instruments import SimulatedLoop
 from idim_iv_ros.identification.prepare import PreparedRegression
 from idim_iv_ros.model import DynamicParameters
-from idim_iv_ros.signals import Motion, ParallelDecimation, zero_phase_butterworth
+from idim_iv_ros.signals.decimation import ParallelDecimation
+from idim_iv_ros.signals.filters import zero_phase_butterworth
+from idim_iv_ros.signals.motion import Motion
 from idim_iv_ros.simulation import inverse_dynamics, mass_matrix
 from idim_iv_ros.simulation.closed_loop import replay
 from idim_iv_ros.types import FloatArray

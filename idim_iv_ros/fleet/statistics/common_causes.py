@@ -1,8 +1,7 @@
 """Causes in the diagnoses of several robots: those of the type, and those of single robots.
 
 Robots have a cause in common where their values agree: in sign and, within their intervals, in
-size. Robots of one type are never equal, so that sizes that differ by less than `_SCATTER` agree
-however narrow the intervals are.
+size. Robots of one type are never equal: sizes that differ by less than `_SCATTER` always agree.
 """
 
 from collections import defaultdict
@@ -18,10 +17,8 @@ from idim_iv_ros.fleet.statistics.random_effects import LEVEL, between_variance,
 
 # Share of the diagnosed ordinary robots in which a cause is one of the type, and the fewest robots.
 _OF_TYPE, _OF_TYPE_LEAST = 2.0 / 3.0, 2
-# Share of a robot's diagnosed bags in which a cause is one of the robot.
-_OF_ROBOT = 0.5
-# Share of the larger size by which robots with one cause may differ.
-_SCATTER = 0.5
+_OF_ROBOT = 0.5  # share of a robot's diagnosed bags in which a cause is one of the robot
+_SCATTER = 0.5  # share of the larger size by which robots with one cause may differ
 _INTERVAL = 1.96  # deviations, 95 %
 _SHOWN = 2  # numbers of a cause in a sentence: those that differ from zero most surely
 
@@ -90,9 +87,8 @@ def sentences(
             f"{count} ordinary robots that were diagnosed: a matter of the type"
         )
     if not shared and count >= _OF_TYPE_LEAST:
-        said.append(
-            f"{type_name}: no cause is common to the {count} ordinary robots that were diagnosed"
-        )
+        robots = f"{count} ordinary robots that were diagnosed"
+        said.append(f"{type_name}: no cause is common to the {robots}")
     for cause in causes:
         if cause.of_type:
             continue

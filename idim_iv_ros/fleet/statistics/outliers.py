@@ -41,38 +41,32 @@ class Chosen:
     entries: BoolArray  # (k, m), only in chosen units
 
 
-def choose(groups: Sequence[FloatArray], level: float = FALSE_DISCOVERIES) -> list[Chosen]:
-    """Select units, and entries of selected units, at the false discovery rate `level`.
+def choose(groups: Sequence[FloatArray]) -> list[Chosen]:
+    """Select units, and entries of selected units, at the false discovery rate of the fleet.
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
-    simes = []  # p-values of all quantities of a unit together
-    for p_values in groups:
-        ordered = np.sort(p_values, axis=1)  # NaN last
-        counts = np.isfinite(ordered).sum(axis=1, keepdims=True)
-        ranks = np.arange(1, p_values.shape[1] + 1)
-        smallest = np.min(ordered * counts / ranks, axis=1, initial=np.inf, where=ranks <= counts)
-        simes.append(np.where(counts[:, 0] > 0, np.minimum(smallest, 1.0), np.nan))
+    # The p-value of all quantities of a unit together is the smallest adjusted one.
+    simes = [np.array([np.fmin.reduce(_adjusted(unit)) for unit in group]) for group in groups]
     units = np.concatenate([np.zeros(0), *simes])
-    chosen = _benjamini_hochberg(units, level)
-    within = level * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
+    chosen = _adjusted(units) <= FALSE_DISCOVERIES
+    within = FALSE_DISCOVERIES * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)
     ends = np.cumsum([len(of_group) for of_group in simes])
     result = []
     for p_values, of_group, end in zip(groups, simes, ends, strict=True):
         called = chosen[end - len(of_group) : end]
         entries = np.zeros(p_values.shape, dtype=bool)
         for unit in np.flatnonzero(called):
-            entries[unit] = _benjamini_hochberg(p_values[unit], within)
+            entries[unit] = _adjusted(p_values[unit]) <= within
         result.append(Chosen(of_group, called, entries))
     return result
 
 
-def _benjamini_hochberg(p_values: FloatArray, level: float) -> BoolArray:
-    tested = np.isfinite(p_values)
-    rejected = np.zeros(len(p_values), dtype=bool)
-    if tested.any():
-        rejected[tested] = scipy.stats.false_discovery_control(p_values[tested]) <= level
-    return rejected
+def _adjusted(p_values: FloatArray) -> FloatArray:
+    """Return p-values (m,) adjusted by Benjamini and Hochberg; NaN where there is none."""
+    adjusted, tested = np.full(len(p_values), np.nan), np.isfinite(p_values)
+    adjusted[tested] = scipy.stats.false_discovery_control(p_values[tested])
+    return adjusted
 
 
 @dataclass(frozen=True)

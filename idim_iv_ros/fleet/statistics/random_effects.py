@@ -57,9 +57,8 @@ def between_variance(
     squares = (np.where(estimated[:, open_columns], filled - middle, 0.0) ** 2).sum(axis=0)
     # The root where all variances are equal. Q is convex and falls: Newton's step from below the
     # root never passes it, and one from above lands below or at zero.
-    tau = np.maximum(
-        squares / wanted - np.where(noise < np.inf, noise, 0.0).sum(axis=0) / total, 0.0
-    )
+    mean_noise = np.where(noise < np.inf, noise, 0.0).sum(axis=0) / total
+    tau = np.maximum(squares / wanted - mean_noise, 0.0)
     for _ in range(_NEWTON):
         weights = 1.0 / (noise + tau)
         rest = filled - (weights * filled).sum(axis=0) / weights.sum(axis=0)

@@ -115,19 +115,14 @@ class TypeBags:
 
 def types_of(bags: Sequence[BagResult]) -> list[TypeBags]:
     """Group usable bags by type and robot, in the order of their names."""
-    return [
-        _type([bag for bag in bags if bag.type == name], name)
-        for name in sorted({bag.type for bag in bags})
-    ]
-
-
-def _model(bag: BagResult) -> tuple[tuple[str, ...], str, str]:
-    return bag.names, bag.kinematics, bag.effort_unit
+    names = sorted({bag.type for bag in bags})
+    return [_type([bag for bag in bags if bag.type == name], name) for name in names]
 
 
 def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
-    (usual, _), *_ = Counter(map(_model, bags)).most_common(1)
-    comparable = [bag for bag in bags if _model(bag) == usual]
+    models = [(bag.names, bag.kinematics, bag.effort_unit) for bag in bags]
+    (usual, _), *_ = Counter(models).most_common(1)
+    comparable = [bag for bag, model in zip(bags, models, strict=True) if model == usual]
     first = comparable[0]
     given = first.given or (math.nan,) * len(first.names)
     columns = zip(first.names, first.units, first.expressions, given, strict=True)
@@ -138,8 +133,8 @@ def _type(bags: Sequence[BagResult], name: str) -> TypeBags:
         _robot([bag for bag in comparable if bag.robot == robot], robot, joints)
         for robot in sorted({bag.robot for bag in comparable})
     ]
-    other_model = tuple(bag for bag in bags if _model(bag) != usual)
-    return TypeBags(name, tuple(quantities), len(first.names), tuple(robots), other_model)
+    others = tuple(bag for bag, model in zip(bags, models, strict=True) if model != usual)
+    return TypeBags(name, tuple(quantities), len(first.names), tuple(robots), others)
 
 
 def _robot(bags: Sequence[BagResult], robot: str, joints: Sequence[str]) -> RobotBags:

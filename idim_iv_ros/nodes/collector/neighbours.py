@@ -48,8 +48,7 @@ def trajectory_message(motion: Trajectory, point_rate: float) -> Any:
     points = []
     for nanoseconds, values in motion.points(point_rate):
         whole, rest = divmod(nanoseconds, 1_000_000_000)
-        names = ("positions", "velocities", "accelerations")
-        place = dict(zip(names, values, strict=True))
+        place = dict(zip(("positions", "velocities", "accelerations"), values, strict=True))
         due = Duration(sec=whole, nanosec=rest)
         points.append(JointTrajectoryPoint(**place, time_from_start=due))
     return JointTrajectory(joint_names=list(motion.joints), points=points)
@@ -84,8 +83,7 @@ class Controller:
         self._client: Any = self._kind and ActionClient(node, self._kind, self._action)
         self._publisher: Any = None
         if interface != ACTION:
-            topic = f"{name}/joint_trajectory"
-            self._publisher = node.create_publisher(JointTrajectory, topic, 1)
+            self._publisher = node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 1)
         self._by_action = interface == ACTION
         self._goal: Any = None
         self._goals_sent = 0

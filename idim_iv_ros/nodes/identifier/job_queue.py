@@ -85,11 +85,9 @@ def requested_job(
     if not request.bags:
         raise UsageError("name at least one bag")
     bags = [confined_bag(root, name) for name in request.bags]
-    size = sum(size for _, size in bags)
-    if size > settings.max_bag_size:
-        raise UsageError(
-            f"the bags have {size / 1e6:.3g} MB; max_bag_size is {settings.max_bag_size / 1e6:.3g}"
-        )
+    size, most = sum(size for _, size in bags), settings.max_bag_size
+    if size > most:
+        raise UsageError(f"the bags have {size / 1e6:.3g} MB; max_bag_size is {most / 1e6:.3g}")
     if not math.isfinite(request.timeout) or request.timeout < 0.0:
         raise UsageError(f"timeout: {request.timeout} s is no time")
     if configuration is None:

@@ -185,8 +185,7 @@ class Identifier(NodeProgram[IdentifierSettings]):
             if not success:  # nobody asked: the diagnostics are the only answer
                 self._failure = f"{message.bag}: {why}"
 
-        request = srv.Identify.Request(bags=[message.bag])
-        self._submit("identification", request, JobListener(ended))
+        self._submit("identification", srv.Identify.Request(bags=[message.bag]), JobListener(ended))
 
     def _submit(self, task: Task, request: Any, listener: JobListener) -> Job | None:
         """Queue a job and return it; None if it was refused, and the listener has the reason."""

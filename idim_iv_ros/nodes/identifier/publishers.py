@@ -27,8 +27,7 @@ from idim_iv_ros.nodes.identifier.job_queue import ESTIMATORS, Job
 from idim_iv_ros.nodes.messages import OtherNames, diagnostic_status, message_of
 from idim_iv_ros.nodes.settings import IdentifierSettings
 
-# Others are WARN.
-_LEVELS = {"valid": DiagnosticStatus.OK, "misspecified": DiagnosticStatus.ERROR}
+_LEVELS = {"valid": DiagnosticStatus.OK, "misspecified": DiagnosticStatus.ERROR}  # others are WARN
 
 
 class ResultPublisher:
@@ -150,7 +149,7 @@ def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[Diagno
     statuses = []
     for residual in result.residuals:
         level = _LEVELS.get(residual.verdict, DiagnosticStatus.WARN)
-        joint = residual.joint
+        joint, sentence = residual.joint, residual.sentence
         values = {
             "verdict": residual.verdict,
             "bags": ", ".join(result.parameters.bags),
@@ -158,9 +157,7 @@ def _joint_diagnoses(name: str, result: msg.IdentificationResult) -> list[Diagno
             "residual (%)": f"{residual.relative_percent:.3g}",
             "order of its autoregressive model": residual.ar_order,
         }
-        statuses.append(
-            diagnostic_status(level, f"{name}: {joint}", joint, residual.sentence, values)
-        )
+        statuses.append(diagnostic_status(level, f"{name}: {joint}", joint, sentence, values))
     return statuses
 
 

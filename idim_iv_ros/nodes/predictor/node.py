@@ -26,7 +26,6 @@ from idim_iv_ros.nodes.settings import PredictorSettings
 from idim_iv_ros.prediction.identified_model import (
     LIMIT,
     SHARE,
-    IdentifiedModel,
     JointLevel,
     identified_model,
     joint_levels,
@@ -157,34 +156,23 @@ class Predictor(NodeProgram[PredictorSettings]):
         """Read the result that the user chose, or else the newest announced one, if it is new."""
         pinned = self._settings.result
         wanted = (Path(pinned), 0) if pinned else self._announced
-        if self._robot is None or wanted is None:
-            self._use_model(None, _WAITING if self._robot else self._no_robot, None)
-            return
-        (path, stamp), (text, model, source) = wanted, self._robot
-        try:
-            written = path.stat().st_mtime_ns
-        except OSError as error:
-            advice = "set the parameter result" if pinned else _ADVICE
-            self._use_model(None, f"{path}: {error.strerror or error}: {advice}", None)
-            return
-        content = (path, written, text)
-        if content == self._read:
-            return
-        try:
-            identified = identified_model(path, self._configuration, model, source)
-        except IdimError as error:
-            self._use_model(None, str(error), content)
-            return
-        self._use_model(identified, "", content)
-        self._identified_at = stamp or written
-        self.node.get_logger().info(f"predicting with {path}")
-
-    def _use_model(
-        self, identified: IdentifiedModel | None, reason: str, content: tuple[Path, int, str] | None
-    ) -> None:
-        """Predict with a model, or with none for a reason; `content` is not read again."""
-        self._reason, self._read = reason, content
-        self._live = None if identified is None else LivePrediction(identified)
+        live, content, reason = None, None, _WAITING if self._robot else self._no_robot
+        if self._robot is not None and wanted is not None:
+            (path, stamp), (text, model, source) = wanted, self._robot
+            try:
+                written = path.stat().st_mtime_ns
+                content = (path, written, text)
+                if content == self._read:
+                    return
+                identified = identified_model(path, self._configuration, model, source)
+                live, reason, self._identified_at = LivePrediction(identified), "", stamp or written
+                self.node.get_logger().info(f"predicting with {path}")
+            except OSError as error:
+                advice = "set the parameter result" if pinned else _ADVICE
+                reason = f"{path}: {error.strerror or error}: {advice}"
+            except IdimError as error:
+                reason = str(error)
+        self._live, self._read, self._reason = live, content, reason
 
     def _predict(self) -> None:
         taken = {name: value for topic in self._topics for name, value in topic.take().items()}
@@ -241,13 +229,12 @@ class Predictor(NodeProgram[PredictorSettings]):
             accepted = self._settings.false_warnings
             levels = joint_levels(live.identified, live.rows, window.rate, accepted)
         for joint in levels:
-            limit = "unknown" if joint.limit is None else f"{joint.limit:.3f}"
             values = {
                 "unit": joint.unit,
                 f"residual, RMS ({joint.unit})": f"{joint.rms:.4g}",
                 f"noise floor, RMS ({joint.unit})": f"{joint.noise_floor:.4g}",
                 SHARE: f"{joint.share:.3f}",
-                LIMIT: limit,
+                LIMIT: "unknown" if joint.limit is None else f"{joint.limit:.3f}",
                 "motion behind it (s)": f"{joint.seconds:.1f}",
             }
             level = DiagnosticStatus.WARN if joint.beyond else DiagnosticStatus.OK

@@ -20,7 +20,7 @@ from idim_iv_ros.nodes.parameters import NodeProgram
 from idim_iv_ros.nodes.recorder.session import Intake, RecordingSession, State, WriterThread
 from idim_iv_ros.nodes.recorder.topics import RecentCounts, TopicSet, topic_diagnosis
 from idim_iv_ros.nodes.settings import RecorderSettings
-from idim_iv_ros.recording.writing.growing_bag import ClosedBag
+from idim_iv_ros.recording.writing.growing_bag import ClosedBag, time_span
 
 _LOOK = 0.1  # s between two looks for publishers
 _CLOCK = "use_sim_time is true and /clock was not heard"
@@ -211,7 +211,7 @@ class Recorder(NodeProgram[RecorderSettings]):
             header=self._now(),
             bag=str(closed.folder),
             files=[file.name for file in closed.files],
-            duration=closed.duration * 1e-9,
+            duration=time_span(closed.files)[1] * 1e-9,
             messages=sum(file.messages for file in closed.files),
             arrived=min(shares, default=math.nan),
             bytes=sum(file.size for file in closed.files),

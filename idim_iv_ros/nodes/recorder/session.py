@@ -76,9 +76,8 @@ class SnapshotRing:
         size = sum(len(message[2]) for message in messages) + _OVERHEAD * len(messages)
         self._batches.append((min(times), newest, size, messages))
         self.size += size
-        while self._batches and (
-            self.size > self.limit or newest - self._batches[0][1] > self.duration * 1e9
-        ):
+        oldest = newest - round(self.duration * 1e9)
+        while self._batches and (self.size > self.limit or self._batches[0][1] < oldest):
             self.size -= self._batches.popleft()[2]
 
     @property
@@ -142,7 +141,7 @@ class RecordingSession:
             raise UsageError(f"already recording into {self.bag.folder}; call stop first")
         settings = self.settings
         latched = {name: message for name, (_, message) in self._latched.items()}
-        channels = [channel for channel, _ in self._latched.values()]
+        channels = {name: channel for name, (channel, _) in self._latched.items()}
         folder = Path(self.settings.bag_directory).resolve()
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -250,7 +249,7 @@ class RecordingSession:
 
         def write() -> ClosedBag:
             first = messages[0][0]
-            bag = GrowingBag(folder, lambda: first, before, list(topics.values()), storage=storage)
+            bag = GrowingBag(folder, lambda: first, before, topics, storage)
             try:
                 bag.add(messages)
                 return bag.close()
@@ -385,10 +384,8 @@ class WriterThread(threading.Thread):
             if batches[0].log_time is not None:
                 log_times = [batch.log_time for batch in batches for _ in batch.taken]
             sequence = np.maximum(arrived.sequence, 0).tolist()
-            sent = arrived.sent.tolist()
-            messages += zip(
-                log_times, repeat(topic), arrived.messages, sent, sequence, strict=False
-            )
+            columns = log_times, repeat(topic), arrived.messages, arrived.sent.tolist(), sequence
+            messages += zip(*columns, strict=False)
         if messages:
             self.session.write([batches[-1].channel for batches in waiting.values()], messages)
 

@@ -265,17 +265,16 @@ class WatchedTopic:
         )
         before = self.channel and self.channel.message_type
         self.channel = TopicChannel(self.name, message_type, offered, definition(message_type))
-        reliabilities = {qos.reliability for qos in offered}
-        mixed = len(reliabilities) > 1 or len({qos.durability for qos in offered}) > 1
-        weakest = "its publishers offer different QoS: subscribed as the weakest of them"
-        self.note = weakest if mixed else ""
+        self.note = ""
+        if len({(qos.reliability, qos.durability) for qos in offered}) > 1:
+            self.note = "its publishers offer different QoS: subscribed as the weakest of them"
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
             depth=self.depth,
             reliability=ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.VOLATILE,
         )
-        if not self.best_effort and reliabilities == {"reliable"}:
+        if not self.best_effort and {qos.reliability for qos in offered} == {"reliable"}:
             profile.reliability = reliable
         if not self.best_effort and self.channel.latched:
             profile.durability = latched
@@ -469,11 +468,10 @@ def topic_diagnosis(
         if count := getattr(recent, counted):
             warnings.append(f"{count} messages {what}")
     if recent.gaps:
-        words = f"the longest of the recording {recent.longest_gap:.3f} s"
-        warnings.append(f"{recent.gaps} gaps; {words}")
-    level = DiagnosticStatus.OK
-    if errors or warnings:
-        level = DiagnosticStatus.ERROR if errors else DiagnosticStatus.WARN
+        longest_gap = f"the longest of the recording {recent.longest_gap:.3f} s"
+        warnings.append(f"{recent.gaps} gaps; {longest_gap}")
+    level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
+    level = DiagnosticStatus.ERROR if errors else level
     sentence = "; ".join(errors + warnings) or f"{status.rate:.1f} Hz"
     counts = ("publishers", "received", "recorded", "lost", "late", "gaps", "malformed", "bytes")
     values = {

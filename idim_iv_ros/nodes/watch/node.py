@@ -105,8 +105,7 @@ class _Handler(BaseHTTPRequestHandler):
             content, kind = get_plotlyjs().encode(), "text/javascript"
         elif address.path in _FILES:
             name, kind = _FILES[address.path]
-            file = resources.files("idim_iv_ros.nodes.watch") / "assets" / name
-            content = file.read_bytes()
+            content = (resources.files("idim_iv_ros.nodes.watch") / "assets" / name).read_bytes()
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
             return

@@ -21,16 +21,12 @@ READ_AHEAD = 1 << 20
 
 @dataclass(frozen=True)
 class MessageBatch:
-    """Serialised messages in one buffer.
+    """Serialised messages in one buffer."""
 
-    `buffer` (n_bytes,) uint8. `offsets`, `sizes` (k,) int: first byte and size of each message.
-    `arrival` (k,) int: log time, ns.
-    """
-
-    buffer: NDArray[np.uint8]
-    offsets: NDArray[np.int64]
-    sizes: NDArray[np.int64]
-    arrival: NDArray[np.int64]
+    buffer: NDArray[np.uint8]  # (n_bytes,)
+    offsets: NDArray[np.int64]  # (k,), first byte of each message
+    sizes: NDArray[np.int64]  # (k,), bytes
+    arrival: NDArray[np.int64]  # (k,), log time, ns
 
     @classmethod
     def of(cls, messages: Sequence[tuple[int, bytes]]) -> "MessageBatch":
@@ -94,21 +90,15 @@ def opened(source: ByteSource) -> Iterator[IO[bytes]]:
 
 @dataclass
 class BagFile(ABC):
-    """One file of a bag.
+    """One file of a bag; everything but its path is known as far as it was read."""
 
-    `path`: of the file; the name of a remote one. `topics`, `definitions`: type of each topic, and
-    definition of each type, so far. `truncated`: whether the end is missing, known once it was
-    read. `damaged`: number of unreadable stretches and messages, which are left out. `missing`:
-    known number of lost messages of each wanted topic; `counted`: whether that is complete.
-    """
-
-    path: Path
-    topics: dict[str, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    truncated: bool = False
-    damaged: int = 0
-    missing: Counter[str] = field(default_factory=Counter)
-    counted: bool = True
+    path: Path  # the name of a remote file
+    topics: dict[str, str] = field(default_factory=dict)  # type of each
+    definitions: dict[str, SchemaText] = field(default_factory=dict)  # of each type
+    truncated: bool = False  # whether the end is missing
+    damaged: int = 0  # number of unreadable stretches and messages, which are left out
+    missing: Counter[str] = field(default_factory=Counter)  # lost messages of each wanted topic
+    counted: bool = True  # whether `missing` is complete
 
     @abstractmethod
     def batches(self, wanted: set[str]) -> Iterator[tuple[str, MessageBatch]]:

@@ -5,7 +5,7 @@ import shutil
 import tempfile
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,23 +30,17 @@ _LONGEST_METADATA = 1 << 24  # bytes
 
 @dataclass
 class Bag:
-    """One recording on disk or in a remote store; can be given wherever a path of a bag can.
+    """One recording on disk or in a remote store; can be given wherever a path of a bag can."""
 
-    `path`: path by the user; for a remote bag its name, for messages. `sources`: files of a remote
-    bag by name, in the order of recording. `topics`: type of each topic; complete once the bag was
-    read. `definitions`: definition of each type, as far as the bag holds it. `damages`: what is
-    wrong with which file. `seen`, `missing`: number of messages of each wanted topic that were
-    read, and that are known to be lost. `counted`: whether `missing` is complete.
-    """
-
-    path: Path
+    path: Path  # by the user; for a remote bag its name, for messages
+    # Files of a remote bag by name, in the order of recording.
     sources: Mapping[Path, ByteSource] = field(default_factory=dict)
-    topics: dict[str, str] = field(default_factory=dict)
-    definitions: dict[str, SchemaText] = field(default_factory=dict)
-    damages: list[str] = field(default_factory=list)
-    seen: Counter[str] = field(default_factory=Counter)
-    missing: Counter[str] = field(default_factory=Counter)
-    counted: bool = True
+    topics: dict[str, str] = field(default_factory=dict)  # type of each; all once the bag was read
+    definitions: dict[str, SchemaText] = field(default_factory=dict)  # of types, if the bag has it
+    damages: list[str] = field(default_factory=list)  # what is wrong with which file
+    seen: Counter[str] = field(default_factory=Counter)  # messages read of each wanted topic
+    missing: Counter[str] = field(default_factory=Counter)  # those that are known to be lost
+    counted: bool = True  # whether `missing` is complete
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -172,12 +166,10 @@ def _counts(folder: Path) -> dict[str, int]:
     counts: dict[str, int] = {}
     topics = _information(folder).get("topics_with_message_count")
     for topic in topics if isinstance(topics, list) else []:
-        try:
+        with suppress(KeyError, TypeError):
             name, count = topic["topic_metadata"]["name"], topic["message_count"]
-        except (KeyError, TypeError):
-            continue
-        if isinstance(name, str) and isinstance(count, int):
-            counts[name] = count
+            if isinstance(name, str) and isinstance(count, int):
+                counts[name] = count
     return counts
 
 

@@ -118,16 +118,12 @@ POINTS = (*_ASKED, *_MEASURED, *_OUTPUT, "error")
 
 
 class JointValues(NamedTuple):
-    """Joint quantities in one message.
+    """Joint quantities in one message."""
 
-    `stamp`: header stamp, ns; zero without header. `names`: joints; empty for an array without
-    names. `numbers` (n,): by quantity, ordered as the names. `origins`: their fields.
-    """
-
-    stamp: int
-    names: tuple[str, ...]
-    numbers: dict[str, FloatArray]
-    origins: dict[str, str]
+    stamp: int  # of the header, ns; zero without
+    names: tuple[str, ...]  # of joints; empty for an array without names
+    numbers: dict[str, FloatArray]  # (n,) by quantity, ordered as the names
+    origins: dict[str, str]  # fields of the numbers
 
 
 _Quantities = tuple[Sequence[str], dict[str, tuple[str, Any]]]
@@ -136,21 +132,12 @@ _Quantities = tuple[Sequence[str], dict[str, tuple[str, Any]]]
 
 @dataclass(frozen=True)
 class JointMessageType:
-    """How messages of one topic are decoded.
+    """How messages of one topic are decoded."""
 
-    `name`: message type. `schema`: its definition in the bag. `field`: the field to read; None for
-    the usual one. `reference`: whether to read references, not measurements.
-    """
-
-    name: str
-    schema: SchemaText | None = None
-    field: str | None = None
-    reference: bool = False
-
-    @property
-    def numbered(self) -> bool:
-        """Return whether its numbers have no names, and follow the order of the joints."""
-        return self.name not in (JOINT_STATE, *ROS2_CONTROL)
+    name: str  # of the message type
+    schema: SchemaText | None = None  # its definition in the bag
+    field: str | None = None  # the field to read; None for the usual one
+    reference: bool = False  # whether to read references, not measurements
 
     def require_readable(self, bag: object, topic: str) -> None:
         """Check that the type holds joint quantities, and the named field.
@@ -277,8 +264,7 @@ def _named_field(content: Any, path: str, quantities: Sequence[str]) -> _Quantit
     for name in path.split("."):
         value = getattr(value, name)
     if getattr(value, "__msgtype__", "") == JOINT_STATE:
-        fields = {name: (f"{path}.{name}", getattr(value, name)) for name in QUANTITIES}
-        return value.name, fields
+        return value.name, {name: (f"{path}.{name}", getattr(value, name)) for name in QUANTITIES}
     numbers = np.atleast_1d(value)
     names = getattr(content, "joint_names", getattr(content, "name", ()))
     names = [names] if isinstance(names, str) else names

@@ -18,7 +18,7 @@ from idim_iv_ros.recording.bags.joint_message_type import (
     JointMessageType,
     JointValues,
 )
-from idim_iv_ros.recording.recording import Note
+from idim_iv_ros.recording.recording import ClockQuality, Note
 from idim_iv_ros.signal_source import topic_of
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -29,37 +29,32 @@ _STAMP = slice(4, 12)  # in the bytes of a JointState
 
 @dataclass(frozen=True)
 class JointMessages:
-    """All messages of one topic, in the order of the file.
-
-    `stamps`, `arrival` (n,) int: header stamp (zero without header) and log time, ns. `values`: (n,
-    n_joints) of each quantity, NaN where a message lacks the joint. `layout` (n,) int: number of
-    the layout (joint order, fields) of each message; `named` (n_layouts, n_joints) bool: joints
-    that it names. `damaged`, `passed`: numbers of unreadable messages, and of those that name other
-    joints only, say of a gripper. `names`: all joint names. `origins`: field by quantity, where the
-    type has several. `ranges`: least and largest position of joints not requested, rad (m).
-    """
+    """All messages of one topic, in the order of the file; `stamp_messages` puts them in time's."""
 
     topic: str
-    stamps: IntArray
-    arrival: IntArray
-    values: dict[str, FloatArray]
-    layout: IntArray
-    named: BoolArray
-    damaged: int
-    passed: int
-    names: tuple[str, ...]
-    origins: dict[str, str] = field(default_factory=dict)
+    stamps: IntArray  # (n,), of the header (zero without), then increasing times of sampling, ns
+    arrival: IntArray  # (n,), log time, ns
+    values: dict[str, FloatArray]  # (n, n_joints) by quantity, NaN where a message lacks the joint
+    layout: IntArray  # (n,), number of the layout (joint order, fields) of each message
+    named: BoolArray  # (n_layouts, n_joints), joints that a layout names
+    damaged: int  # number of unreadable messages
+    passed: int  # number of those that name other joints only, say of a gripper
+    names: tuple[str, ...]  # of all joints
+    origins: dict[str, str] = field(default_factory=dict)  # field by quantity, if it has several
+    # Least and largest position of joints not requested, rad (m).
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    clock: ClockQuality | None = None  # set by `stamp_messages`
+    said: tuple[Note, ...] = ()  # what was done to the messages
 
     def __len__(self) -> int:
         return len(self.stamps)
 
-    def notes(self, *, some_joints: bool = False) -> list[Note]:
-        """Return notes for the user: messages left out, changing layouts, missing values.
+    def notes(self, *, some_joints: bool) -> list[Note]:
+        """Return notes for the user: what was done, left out, changing layouts, missing values.
 
         With `some_joints`, joints without any value do not count as missing.
         """
-        notes = []
+        notes = list(self.said)
         if self.passed:
             notes.append(Note(self.topic, "messages of other joints were passed over", self.passed))
         if self.damaged:
@@ -86,6 +81,10 @@ class JointMessages:
             values={name: values[places] for name, values in self.values.items()},
             layout=self.layout[places],
         )
+
+    def with_values(self, name: str, values: FloatArray, *notes: Note) -> "JointMessages":
+        """Return the messages with other values (n, n_joints) of a field, and notes added."""
+        return replace(self, values={**self.values, name: values}, said=(*self.said, *notes))
 
 
 class _Block(NamedTuple):
@@ -132,40 +131,32 @@ def _equal_layout(
 
 @dataclass(frozen=True)
 class _Layout:
-    """Joints and fields that messages have in common.
+    """Joints and fields that messages have in common."""
 
-    `number`: from 0, in the order of occurrence. `names`: joints in a message. `columns`, `places`
-    (k,) int: of the requested joints in the result, and in the message. `origins`: `JointMessages`.
-    """
-
-    number: int
-    names: tuple[str, ...]
-    columns: IntArray
-    places: IntArray
-    origins: dict[str, str]
+    number: int  # from 0, in the order of occurrence
+    names: tuple[str, ...]  # of the joints in a message
+    columns: IntArray  # (k,), of the requested joints in the result
+    places: IntArray  # (k,), of these in the message
+    origins: dict[str, str]  # see `JointMessages`
 
 
 @dataclass
 class JointMessageReader:
-    """Decodes batches of one topic and collects the requested fields.
+    """Decodes batches of one topic and collects the requested fields."""
 
-    `topic`: name by the user, perhaps with a field. `fields`: ``position``, ``velocity`` or
-    ``effort``; for an array of numbers ``effort`` is its data. `grows`: whether joints that
-    messages name are appended to `joints`.
-    """
-
-    topic: str
+    topic: str  # name by the user, perhaps with a field
     kind: JointMessageType
     joints: Sequence[str]
-    fields: Sequence[str]
-    grows: bool = False
+    fields: Sequence[str]  # position, velocity or effort, which is the data of an array of numbers
+    grows: bool = False  # whether joints that messages name are appended to `joints`
     damaged: int = 0
     passed: int = 0
     _ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     _layouts: dict[object, _Layout] = field(default_factory=dict)
     _merged: int = 0
     _waiting: int = 0
-    _parts: list[tuple[tuple[IntArray, ...], dict[str, FloatArray]]] = field(default_factory=list)
+    # Stamps, times of arrival and layouts (3, n), and values.
+    _parts: list[tuple[IntArray, dict[str, FloatArray]]] = field(default_factory=list)
 
     def add(self, batch: MessageBatch) -> None:
         """Decode a batch; JointStates of equal layout are decoded together."""
@@ -194,7 +185,12 @@ class JointMessageReader:
             blocks.append((layout, block))
         columns: dict[str, FloatArray] = {}
         for layout, block in blocks:
-            self._widen_ranges(layout, block)
+            positions = block.numbers.get("position", np.zeros((0, 0)))
+            for joint, motion in zip(layout.names, positions.T, strict=False):
+                if joint not in self.joints and np.isfinite(motion).all():
+                    low, high = self._ranges.get(joint, (np.inf, -np.inf))
+                    ends = float(motion.min()), float(motion.max())
+                    self._ranges[joint] = min(low, ends[0]), max(high, ends[1])
             for name in set(self.fields) & set(block.numbers):
                 filled = layout.places < block.numbers[name].shape[1]
                 if name not in columns:
@@ -204,23 +200,10 @@ class JointMessageReader:
         read = which >= 0
         self.passed += int(np.count_nonzero(which == _PASSED))
         kept = {name: values[read] for name, values in columns.items()}
-        self._parts.append(((stamps[read], batch.arrival[read], which[read]), kept))
+        self._parts.append((np.array([stamps, batch.arrival, which])[:, read], kept))
         self._waiting += int(read.sum())
         if self._waiting >= _TOGETHER:
             self._merge(self._merged)
-
-    def _widen_ranges(self, layout: _Layout, block: _Block) -> None:
-        """Note how far joints go that are not requested."""
-        positions = block.numbers.get("position")
-        if positions is None or len(layout.columns) == len(layout.names):
-            return
-        for name, values in zip(layout.names, positions.T, strict=False):
-            if name not in self.joints and np.isfinite(values).all():
-                low, high = self._ranges.get(name, (np.inf, -np.inf))
-                self._ranges[name] = (
-                    min(low, float(values.min())),
-                    max(high, float(values.max())),
-                )
 
     def _layout(self, values: JointValues) -> _Layout:
         """Return the layout of a message, a new one if no earlier message has it.
@@ -231,12 +214,10 @@ class JointMessageReader:
         key = (values.names, *sizes.items())
         if key in self._layouts:
             return self._layouts[key]
-        if self.kind.numbered and not values.names:
-            count = max(sizes.values(), default=0)
-            if count not in (0, len(self.joints)):
-                raise DataError(
-                    f"{self.topic}: {count} numbers in a message for {len(self.joints)} joints"
-                )
+        if self.kind.name not in (JOINT_STATE, *ROS2_CONTROL) and not values.names:
+            count, needed = max(sizes.values(), default=0), len(self.joints)
+            if count not in (0, needed):
+                raise DataError(f"{self.topic}: {count} numbers in a message for {needed} joints")
             columns = places = list(range(count))
         else:
             if self.grows:
@@ -256,19 +237,18 @@ class JointMessageReader:
     def _merge(self, first: int) -> None:
         """Concatenate the parts from `first` on: many small arrays fragment the memory."""
         parts, merged, width = self._parts[first:], {}, len(self.joints)
+        heads = np.hstack([np.zeros((3, 0), dtype=np.int64), *(head for head, _ in parts)])
         for name in self.fields:
             if any(name in values for _, values in parts):
                 # NaN where a field is missing, and for joints that came later.
-                merged[name] = np.full((sum(len(head[0]) for head, _ in parts), width), np.nan)
+                merged[name] = np.full((heads.shape[1], width), np.nan)
                 end = 0
                 for head, values in parts:
-                    begin, end = end, end + len(head[0])
+                    begin, end = end, end + head.shape[1]
                     if name in values:
                         piece = values.pop(name)
                         merged[name][begin:end, : piece.shape[1]] = piece
-        nothing = np.zeros(0, dtype=np.int64)
-        heads = [np.concatenate([nothing, *(head[k] for head, _ in parts)]) for k in range(3)]
-        self._parts[first:] = [(tuple(heads), merged)]
+        self._parts[first:] = [(heads, merged)]
         self._merged, self._waiting = len(self._parts), 0
 
     def before(self, arrival: int) -> "JointMessageReader":
@@ -279,7 +259,7 @@ class JointMessageReader:
             inside = heads[1] < arrival
             for reader, chosen in ((earlier, inside), (self, ~inside)):
                 kept = {name: value[chosen] for name, value in values.items()}
-                reader._parts.append((tuple(head[chosen] for head in heads), kept))
+                reader._parts.append((heads[:, chosen], kept))
         self.damaged = self.passed = self._merged = self._waiting = 0
         return earlier
 
@@ -287,13 +267,12 @@ class JointMessageReader:
         """Return all messages that were read; the reader is empty afterwards."""
         self._merge(0)
         (stamps, arrival, layout), read = self._parts.pop()
-        width = len(self.joints)
-        absent = np.broadcast_to(np.nan, (len(stamps), width))
+        absent = np.broadcast_to(np.nan, (len(stamps), len(self.joints)))
         values = {name: read.get(name, absent) for name in self.fields}
         self._merged = 0
         names: dict[str, None] = {}
         origins: dict[str, str] = {}
-        named = np.zeros((len(self._layouts), width), dtype=bool)
+        named = np.zeros((len(self._layouts), len(self.joints)), dtype=bool)
         for met in self._layouts.values():
             names.update(dict.fromkeys(met.names))
             named[met.number, met.columns] = True
@@ -304,7 +283,7 @@ class JointMessageReader:
 
 
 def checked_messages(
-    path: Path, reader: JointMessageReader, *, optional: bool = False
+    path: Path, reader: JointMessageReader, *, optional: bool
 ) -> tuple[JointMessages, list[Note]]:
     """Return the messages without impossible values, and notes on what was left out.
 
@@ -343,9 +322,8 @@ def checked_messages(
                 if reader.kind.name in ROS2_CONTROL:
                     advice = f"; was the controller of {of} active while this was recorded?"
                     if name == "effort":
-                        advice = (
-                            f"; if /joint_states has it, write `effort: /joint_states`, not {of}"
-                        )
+                        states = "/joint_states"
+                        advice = f"; if {states} has it, write `effort: {states}`, not {of}"
                 raise DataError(
                     f"{path}: {name} of {joint} on {topic} is empty or NaN in every message{advice}"
                 )
@@ -355,8 +333,7 @@ def checked_messages(
 # Beyond these a number is no position in rad or m, speed in rad/s or m/s; efforts may be counts.
 LARGEST = {"position": 1e6, "velocity": 1e6, "effort": 1e9}
 _UNITS = {"position": " rad (or m)", "velocity": " rad/s (or m/s)", "effort": ""}
-# Share of the samples that may be so wrong before the rest is not believed either.
-_MOST = 0.01
+_MOST = 0.01  # share of the samples that may be so wrong before the rest is not believed either
 
 
 def without_impossible(
@@ -366,25 +343,23 @@ def without_impossible(
     where: str,
     advice: str,
     *,
-    row: str = "message",
-    first: int = 1,
-    missing: bool = False,
+    table: bool = False,
 ) -> tuple[FloatArray, str]:
     """Replace impossible values by NaN; return the values and a sentence on them, or an empty one.
 
     `name`: ``position``, ``velocity`` or ``effort`` of `joints`, in `values` (n, n_joints).
-    `where`, `advice`: beginning and end of the error. `row`, `first`: word for a row, and number of
-    the first one. `missing`: whether NaN is impossible, too.
+    `where`, `advice`: beginning and end of the error. In a `table` rows count from 0, and NaN is
+    impossible, too.
 
     Raises DataError: too many values are impossible.
     """
-    most = LARGEST[name]
+    most, row, first = LARGEST[name], "row" if table else "message", 0 if table else 1
     # The least and the greatest are found without a copy; NaN makes both of them NaN.
     if values.size == 0 or (values.min() >= -most and values.max() <= most):
         return values, ""
     with np.errstate(invalid="ignore"):
         wrong = np.abs(values) > most
-    if missing:
+    if table:
         wrong |= np.isnan(values)
     rows = np.flatnonzero(wrong.any(axis=1))
     if len(rows) == 0:

@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import NamedTuple
@@ -89,27 +90,22 @@ def records(content: mmap.mmap | bytes, place: int) -> Iterator[Record]:
 
 def _is_chunk(content: mmap.mmap | bytes, record: Record) -> bool:
     """Return whether the length of a chunk agrees with the lengths of its parts."""
-    if record.start + 40 > len(content):
-        return False
-    (name,) = struct.unpack_from("<I", content, record.start + 28)
-    if name > 16 or record.start + 40 + name > len(content):
-        return False
-    (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
-    return bool(record.end - record.start == 40 + name + size)
+    with suppress(struct.error):  # the file ends before
+        (name,) = struct.unpack_from("<I", content, record.start + 28)
+        (size,) = struct.unpack_from("<Q", content, record.start + 32 + name)
+        return bool(name <= 16 and record.end - record.start == 40 + name + size)
+    return False
 
 
 @dataclass
 class McapFile(BagFile):
-    """One MCAP file; `source` gives its bytes, from this machine or another.
-
-    From its summary, or else its data: names of schemas, topics of channels of CDR messages,
-    numbers of their messages (None without a summary), and the index of chunks.
-    """
+    """One MCAP file; `source` gives its bytes, from this machine or another."""
 
     source: ByteSource = field(kw_only=True)
-    _schemas: dict[int, str] = field(default_factory=dict)
-    _channels: dict[int, str] = field(default_factory=dict)
-    _counts: dict[int, int] | None = None
+    # From its summary, or else its data.
+    _schemas: dict[int, str] = field(default_factory=dict)  # names
+    _channels: dict[int, str] = field(default_factory=dict)  # topics, of those of CDR messages
+    _counts: dict[int, int] | None = None  # of their messages; None without a summary
     _chunks: list[ChunkIndex] = field(default_factory=list)
     _seen: Counter[int] = field(default_factory=Counter)
 
@@ -139,8 +135,7 @@ class McapFile(BagFile):
         self.counted = True
         for channel, topic in self._channels.items():
             if topic in wanted:
-                lost = self._counts.get(channel, 0) - self._seen[channel]
-                self.missing[topic] += max(0, lost)
+                self.missing[topic] += max(0, self._counts.get(channel, 0) - self._seen[channel])
         if self.missing.total() and not self.truncated:
             self.damaged = max(self.damaged, 1)
 

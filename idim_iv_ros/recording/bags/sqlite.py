@@ -61,8 +61,7 @@ class SqliteFile(BagFile):
                 continue
             if isinstance(number, int) and encoding == b"cdr":
                 numbers[number] = name.decode(errors="replace")
-                kind = message_type.decode(errors="replace")
-                note_type(self.topics, numbers[number], kind)
+                note_type(self.topics, numbers[number], message_type.decode(errors="replace"))
         columns = ("topic_type", "encoding", "encoded_message_definition")
         try:
             self._require_table(connection, "message_definitions", set(columns))

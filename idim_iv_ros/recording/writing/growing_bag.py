@@ -9,12 +9,12 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
 from idim_iv_ros.files import write_together
-from idim_iv_ros.recording.writing.write import ShortChunkWriter, Storage, TopicChannel
+from idim_iv_ros.recording.writing.write import PRESETS, ShortChunkWriter, Storage, TopicChannel
 
 Message = tuple[int, str, bytes, int, int]
 """Log time (ns), topic, serialised message, publish time (ns), sequence number."""
@@ -22,17 +22,13 @@ Message = tuple[int, str, bytes, int, int]
 
 @dataclass(frozen=True)
 class FileSummary:
-    """Summary of one file of a bag.
+    """Summary of one file of a bag."""
 
-    `name`: relative to the folder. `start`, `duration`: log time of the first message, and from
-    there to the last, ns. `counts`: number of messages of each topic. `size`: bytes.
-    """
-
-    name: str
-    start: int | None
-    duration: int
-    counts: Mapping[str, int]
-    size: int
+    name: str  # relative to the folder
+    start: int | None  # log time of the first message, ns
+    duration: int  # from there to the last, ns
+    counts: Mapping[str, int]  # number of messages of each topic
+    size: int  # bytes
 
     @property
     def messages(self) -> int:
@@ -54,7 +50,7 @@ class GrowingMcap:
     Raises OSError: the file cannot be made.
     """
 
-    def __init__(self, path: Path, storage: Storage | None = None) -> None:
+    def __init__(self, path: Path, storage: Storage = PRESETS["default"]) -> None:
         self.path = path
         self.counts: dict[str, int] = {}
         self.summary = FileSummary(path.name, None, 0, {}, 0)
@@ -175,52 +171,35 @@ class ClosedBag:
     files: tuple[FileSummary, ...]
     lost: int = 0
 
-    @property
-    def duration(self) -> int:
-        """Return the time from the first to the last message, ns."""
-        return time_span(self.files)[1]
 
-
+@dataclass(eq=False)
 class GrowingBag:
     """One bag while it is recorded.
 
     A commit updates metadata.yaml just before the file, so that the file never holds more than the
     metadata says, and what a crash between the two loses can be counted.
 
-    `folder`: made here; must not exist. `clock`: returns log time, ns, to stamp repeated messages
-    with; zero while it is unknown (they wait for it). `latched`: last messages of latched topics
-    from before. `topics`: that are recorded from the start. `storage`: compression and size of
-    the chunks. `max_size`, `max_duration`: bytes of a file, and s for
-    which it was written, after which a commit begins a new one; zero means never.
-
     Raises OSError: the folder or its first file cannot be made.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        clock: Callable[[], int] = time.time_ns,
-        latched: Mapping[str, Message] | None = None,
-        topics: Sequence[TopicChannel] = (),
-        *,
-        storage: Storage | None = None,
-        max_size: int = 0,
-        max_duration: float = 0.0,
-    ) -> None:
-        self.folder = folder
-        self._limits = max_size, max_duration
+    folder: Path  # made here; must not exist
+    # Returns log time, ns, to stamp repeated messages with; zero while unknown (they wait for it).
+    clock: Callable[[], int] = time.time_ns
+    latched: dict[str, Message] = field(default_factory=dict)  # last ones of latched topics
+    topics: dict[str, TopicChannel] = field(default_factory=dict)  # by name
+    storage: Storage = PRESETS["default"]
+    max_size: int = 0  # bytes of a file, after which a commit begins a new one; 0: never
+    max_duration: float = 0.0  # s for which a file was written, likewise
+
+    def __post_init__(self) -> None:
         self.closed: list[FileSummary] = []
-        self.topics: dict[str, TopicChannel] = {topic.name: topic for topic in topics}
-        self._clock = clock
-        self._storage = storage
-        self._latched: dict[str, Message] = dict(latched or {})
         self._due: dict[str, Message] = {}
-        folder.mkdir(parents=True)
+        self.folder.mkdir(parents=True)
         try:
             self._begin_file(0)
             self._write_metadata(self.file.summary)
         except OSError:
-            shutil.rmtree(folder, ignore_errors=True)
+            shutil.rmtree(self.folder, ignore_errors=True)
             raise
 
     @property
@@ -244,11 +223,11 @@ class GrowingBag:
         self._repeat()
         self.file.add(messages)
         if latched := {name for name, topic in self.topics.items() if topic.latched}:
-            self._latched |= {message[1]: message for message in messages if message[1] in latched}
+            self.latched |= {message[1]: message for message in messages if message[1] in latched}
 
     def repeat(self, latched: Mapping[str, Message]) -> None:
         """Add latched messages of described topics that came before log time was known."""
-        self._latched |= latched
+        self.latched |= latched
         self._due |= latched
 
     def commit(self) -> None:
@@ -257,9 +236,9 @@ class GrowingBag:
         Raises OSError: something could not be written; no message is lost, commit again.
         """
         self._commit_file()
-        size, duration = self._limits
-        full = size and self.file.summary.size >= size
-        if full or (duration and time.monotonic() - self._opened >= duration):
+        full = self.max_size and self.file.summary.size >= self.max_size
+        seconds = time.monotonic() - self._opened
+        if full or (self.max_duration and seconds >= self.max_duration):
             self.split()
 
     def split(self) -> None:
@@ -298,15 +277,15 @@ class GrowingBag:
             raise
 
     def _begin_file(self, number: int) -> None:
-        file = GrowingMcap(self.folder / f"{self.folder.name}_{number}.mcap", self._storage)
+        file = GrowingMcap(self.folder / f"{self.folder.name}_{number}.mcap", self.storage)
         for topic in self.topics.values():
             file.describe(topic)
-        self.file, self._opened, self._due = file, time.monotonic(), dict(self._latched)
+        self.file, self._opened, self._due = file, time.monotonic(), dict(self.latched)
         self._repeat()
 
     def _repeat(self) -> None:
         """Add the latched messages that are due in this file, once log time is known."""
-        if self._due and (now := self._clock()):
+        if self._due and (now := self.clock()):
             self.file.add((now, *message[1:]) for message in self._due.values())
             self._due = {}
 

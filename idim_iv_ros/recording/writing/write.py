@@ -50,15 +50,11 @@ PRESETS = {
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """Quality of service of one publisher, as rosbag2 writes it.
+    """Quality of service of one publisher, as rosbag2 writes it."""
 
-    `reliability`: ``reliable`` or ``best_effort``; `durability`: ``volatile`` or
-    ``transient_local``; `depth` of its history: discovery does not say it, and no replay needs it.
-    """
-
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    depth: int = 10
+    reliability: str = "reliable"  # or best_effort
+    durability: str = "volatile"  # or transient_local
+    depth: int = 10  # of its history: discovery does not say it, and no replay needs it
 
     @property
     def document(self) -> dict[str, object]:
@@ -86,16 +82,12 @@ class Definition:
 
 @dataclass(frozen=True)
 class TopicChannel:
-    """One topic of a bag.
-
-    `offered` has one item for each publisher; `defined` is the definition of a type that is not in
-    the standard packages of ROS 2.
-    """
+    """One topic of a bag."""
 
     name: str
     message_type: str
-    offered: tuple[OfferedQos, ...] = (OfferedQos(),)
-    defined: Definition | None = None
+    offered: tuple[OfferedQos, ...] = (OfferedQos(),)  # one for each publisher
+    defined: Definition | None = None  # of a type that is not in the standard packages of ROS 2
 
     @property
     def latched(self) -> bool:
@@ -109,8 +101,7 @@ class TopicChannel:
 
     def register(self, writer: Writer) -> int:
         """Describe the topic in an MCAP file and return its channel."""
-        text = self.definition.text.encode()
-        schema = writer.register_schema(self.message_type, "ros2msg", text)
+        schema = writer.register_schema(self.message_type, "ros2msg", self.definition.text.encode())
         metadata = {
             # Every reader of YAML reads JSON.
             "offered_qos_profiles": json.dumps([qos.document for qos in self.offered]),
@@ -140,12 +131,10 @@ class ShortChunkWriter(Writer):
         *,
         library: str,
         summary_offsets: bool = True,
-        storage: Storage | None = None,
+        storage: Storage = PRESETS["default"],
     ) -> None:
         super().__init__(
-            cast(IO[bytes], stream),
-            **vars(storage or Storage()),
-            use_summary_offsets=summary_offsets,
+            cast(IO[bytes], stream), **vars(storage), use_summary_offsets=summary_offsets
         )
         self._first: int | None = None
         self.start(profile="ros2", library=library)

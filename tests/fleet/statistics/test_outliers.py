@@ -74,7 +74,7 @@ def test_types_share_one_false_discovery_rate() -> None:
 def test_quantities_are_chosen_at_the_share_of_chosen_robots() -> None:
     p_values = np.ones((10, 4))
     p_values[0] = [0.0005, 0.004, 0.009, 0.6]
-    (result,) = choose([p_values], 0.1)
+    (result,) = choose([p_values])
     # Simes: 4 · 0.0005 = 0.002, chosen by Benjamini-Hochberg below 0.1 / 10. Within the robot the
     # level is 0.1 · 1 / 10: steps of 0.0025, 0.005, 0.0075, 0.01.
     assert result.p_values[0] == pytest.approx(0.002)
