@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.effects.registry import BY_NAME, CAUSES
@@ -31,7 +32,7 @@ from idim_iv_ros.excitation.trajectory import (
 )
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.simulation import mass_matrix
+from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
 
 # Kinds of segment; which effects each reveals is in the files of `effects/`.
@@ -114,18 +115,11 @@ def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) 
     continuous, zero at both ends, and 1.5 speed / ramp at most. Its length is
     speed · (plateau + ramp).
     """
-    rise, ramp = _phase(ramp, rate)
-    flat = np.zeros((max(round(plateau * rate), 1), 1))
-    level = np.vstack([3 * rise**2 - 2 * rise**3, flat + 1.0, 1.0 - 3 * rise**2 + 2 * rise**3])
-    slope = 6.0 * rise * (1.0 - rise) / ramp
-    slope = np.vstack([slope, flat, -slope])
-    up = ramp * (rise**3 - 0.5 * rise**4)
-    middle = 0.5 * ramp + np.arange(len(flat))[:, None] / rate
-    top = 0.5 * ramp + len(flat) / rate
-    way = np.vstack([up, middle, top + ramp * (rise - rise**3 + 0.5 * rise**4)])
-    far = top + 0.5 * ramp
-    way, level = np.vstack([way, far - way]), np.vstack([level, -level])
-    return np.stack([way, level, np.vstack([slope, -slope])]) * speed
+    rise, flat = len(_phase(ramp, rate)[0]), max(round(plateau * rate), 1)
+    knots = np.cumsum([0, rise, flat, rise, rise, flat, rise])
+    level = CubicHermiteSpline(knots / rate, [0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0], np.zeros(7))
+    time = np.arange(knots[-1])[:, None] / rate
+    return np.stack([level.antiderivative()(time), level(time), level(time, 1)]) * speed
 
 
 def waves(
@@ -306,9 +300,9 @@ class DiagnosisPlanner:
         plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
         names = ("range_sweep_same_direction", "range_sweep_opposite_directions")
         for name, pattern in zip(names[: len(self.posture)], self._patterns, strict=False):
-            reach = pattern * self.limits.reach
 
-            def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
+            def make(size: float, name: str = name, pattern: FloatArray = pattern) -> Segment:
+                reach = pattern * self.limits.reach
                 speed = 2.0 * size * reach / (plateau + ramp)
                 low = size * (self.limits.middle - self.posture - reach)
                 shape = there_and_back(speed, plateau, ramp, self.rate)
@@ -434,8 +428,7 @@ def design_diagnosis(
         posture = postures[np.argmax(frames.heights(postures).min(axis=1))]
     inertia = np.ones(len(posture))
     if limits.torque_checked:
-        mass = mass_matrix(model.robot, model.robot.given, posture[None])
-        inertia = np.diagonal(mass[0])
+        inertia = joint_inertia(model.robot, model.robot.given, posture[None])
     bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
     configured &= limits.torque_checked or configuration.controller.type == "cascade"
     planner = DiagnosisPlanner(model, limits.narrowed(), posture, bandwidth, rate, seed)
