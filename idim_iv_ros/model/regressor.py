@@ -13,17 +13,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.model import link_motion
-from idim_iv_ros.model.link_motion import (
-    LinkFrames,
-    LinkMotion,
-    Vector,
-    empty_motion,
-    link_frames,
-    move_links,
-    place_links,
-    turn,
-    turn_back,
-)
+from idim_iv_ros.model.link_motion import LinkFrames, LinkMotion, Vector, turn, turn_back
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -92,8 +82,8 @@ def _entry(digest: str) -> Callable[..., Any]:
         _ = digest
         samples, n = q.shape
         for sample in range(samples):
-            place_links(frames, q[sample], motion)
-            move_links(frames, dq[sample], ddq[sample], motion)
+            link_motion.place_links(frames, q[sample], motion)
+            link_motion.move_links(frames, dq[sample], ddq[sample], motion)
             for i in range(1, n + 1):
                 turned = frames.turned[i]
                 a, w, d = motion.acceleration[i], motion.spin[i], motion.spin_rate[i]
@@ -146,7 +136,7 @@ class StandardRegressor:
         inertial_columns(
             self._frames,
             *motion,
-            empty_motion(joints),
+            link_motion.empty_motion(joints),
             np.empty((3, 4)),
             np.empty(10),
             self._inertial_places,
@@ -158,7 +148,7 @@ class StandardRegressor:
 
     @cached_property
     def _frames(self) -> LinkFrames:
-        return link_frames(self.robot)
+        return link_motion.link_frames(self.robot)
 
     @cached_property
     def _inertial_places(self) -> IntArray:

@@ -22,14 +22,7 @@ from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation import dry_friction, effect_kernel, rigid_body
 from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
-from idim_iv_ros.simulation.effect_kernel import (
-    Effects,
-    acting_torque,
-    advance_states,
-    effect_torques,
-    measure,
-    states_turn,
-)
+from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
@@ -84,7 +77,7 @@ def prepare(
         for j in range(n):
             effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
             effects.inertial[i] += plant.drive_inertia[i, j] * ddq[j]
-    effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
+    effect_kernel.effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
     for i in range(q.shape[0]):
         load = -plant.offset[i] - effects.force[i]
         if i < n:
@@ -123,7 +116,7 @@ def advance(
         if not prepare(*instant):
             return False
         accelerate(plant, state.resting, mode, work, ddq)
-        if effects is not None and states_turn(effects.rows, dq, ddq, left):
+        if effects is not None and effect_kernel.states_turn(effects.rows, dq, ddq, left):
             prepare(*instant)
             accelerate(plant, state.resting, mode, work, ddq)
         fraction = _first_crossing(plant, state, left, work.crossing)
@@ -136,7 +129,7 @@ def advance(
                 state.resting[c] = work.crossing[c] <= fraction + TOGETHER
         part = fraction * left
         if effects is not None:
-            advance_states(effects.rows, dq, ddq, part)
+            effect_kernel.advance_states(effects.rows, dq, ddq, part)
         for i in range(n):
             q[i] += part * (dq[i] + 0.5 * part * ddq[i])
             dq[i] += part * ddq[i]
@@ -299,7 +292,7 @@ def control(effects: Effects | None, loop: Loop, state: State, time: float, cont
     if effects is None:
         _send(loop, state, time, controls, state.q, state.dq)
     else:
-        measure(effects.rows, state.q, state.dq, effects.measured)
+        effect_kernel.measure(effects.rows, state.q, state.dq, effects.measured)
         _send(loop, state, time, controls, effects.measured[0], effects.measured[1])
     if controls == 0:
         for i in range(row.shape[0]):

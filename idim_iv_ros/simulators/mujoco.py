@@ -48,12 +48,7 @@ from idim_iv_ros.simulation.affected_robot import (
     joined_shafts,
 )
 from idim_iv_ros.simulation.dry_friction import slip
-from idim_iv_ros.simulation.effect_kernel import (
-    LEAST_LEVEL,
-    advance_states,
-    effect_torques,
-    states_turn,
-)
+from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL
 from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
 from idim_iv_ros.simulation.plant import Contacts, Plant
 from idim_iv_ros.simulators.effects_file import read_effects
@@ -486,14 +481,14 @@ def _entry(digest: str) -> Callable[..., Any]:
         # States along the way that MuJoCo has just gone, and then all in the middle of this step.
         for i in range(n):
             speed[i] = moved[i] / step
-        advance_states(effects.rows, speed, effects.rest, step)
-        states_turn(effects.rows, dq, ddq, step)
+        effect_kernel.advance_states(effects.rows, speed, effects.rest, step)
+        effect_kernel.states_turn(effects.rows, dq, ddq, step)
         for i in range(n):
             position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
             effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]
         for c in range(mode.shape[0]):
             mode[c] = np.sign(slip(plant.contacts, c, speed))
-        effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
+        effect_kernel.effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
         # Damping of couplings goes to their tendons; off the diagonal is no other.
         for c in range(n, mode.shape[0]):
             first, second = plant.contacts.first[c], plant.contacts.second[c]
