@@ -25,10 +25,8 @@ class Shape:
     @property
     def numbers(self) -> tuple[float, ...]:
         """All numbers of the shape in the order of its fields, choices as 0 and 1."""
-        made: list[float] = []
-        for value in vars(self).values():
-            made += value if isinstance(value, tuple) else (value,)
-        return tuple(map(float, made))
+        fields = (value if isinstance(value, tuple) else (value,) for value in vars(self).values())
+        return tuple(float(number) for field in fields for number in field)
 
 
 S = TypeVar("S", bound=Shape)

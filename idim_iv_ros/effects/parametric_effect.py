@@ -117,15 +117,11 @@ class ParametricEffect(Cause):
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Numbers that may change together, of each of the `sets` of which the motion shows any."""
         assert joint is not None
-        variants = [
-            [
-                change
-                for kind in kinds
-                for change in space.change(kind, joint, self.change_of(kind, joint))
-            ]
-            for kinds in self.sets or [[spec.standard for spec in self.specs]]
-        ]
-        return [changes for changes in variants if changes]
+        variants: list[list[Change]] = []
+        for kinds in self.sets or [[spec.standard for spec in self.specs]]:
+            shown = (space.change(kind, joint, self.change_of(kind, joint)) for kind in kinds)
+            variants.append([change for changes in shown for change in changes])
+        return list(filter(None, variants))
 
     def change_of(self, kind: str, joint: int) -> str:
         """Return the name of the change of a kind of standard parameter: that of its spec."""
@@ -155,7 +151,6 @@ class ParametricEffect(Cause):
     def parameters(self, estimates: Sequence[Estimated]) -> Parameters:
         """Return the numbers by the names of the changes."""
         return {
-            change.name: EffectParameter(float(estimate.value), estimate.std, change.unit)
-            for estimate in estimates
-            for change in [estimate.change]
+            one.change.name: EffectParameter(float(one.value), one.std, one.change.unit)
+            for one in estimates
         }

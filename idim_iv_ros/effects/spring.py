@@ -26,12 +26,8 @@ class LineShape(Shape):
     highest: float
 
 
-@dataclass(frozen=True)
-class CubicShape(Shape):
+class CubicShape(LineShape):
     """Lowest and highest position, rad: outside them a cubic polynomial is constant."""
-
-    lowest: float
-    highest: float
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class BentShape(Shape):
     width: float
 
 
-SpringShape = LineShape | CubicShape | BentShape
+SpringShape = LineShape | BentShape
 
 
 @kernel
@@ -123,18 +119,18 @@ class Spring(StructuralEffect[SpringShape]):
     def columns(self, motion: RobotMotion, place: Place, shape: SpringShape) -> Torques:
         """A line; powers of the position; or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
-        if isinstance(shape, LineShape):
-            return {place.joint: np.column_stack([np.ones_like(q), q])}
         if isinstance(shape, CubicShape):
             return {place.joint: np.column_stack([q, q**2, q**3])}
+        if isinstance(shape, LineShape):
+            return {place.joint: np.column_stack([np.ones_like(q), q])}
         bend = np.sinh if shape.hardening else np.arctan
         return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
     def names(self, shape: SpringShape) -> tuple[str, ...]:
         """Names of the coefficients: of a line, of powers, or of a line and its bent part."""
-        if isinstance(shape, LineShape):
-            return _POWERS[:2]
-        return ("linear", "bent") if isinstance(shape, BentShape) else _POWERS[1:]
+        if isinstance(shape, BentShape):
+            return "linear", "bent"
+        return _POWERS[1:] if isinstance(shape, CubicShape) else _POWERS[:2]
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """A polynomial stiffness, where the joint never leaves the range of the polynomial."""
