@@ -13,7 +13,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.model import link_motion
-from idim_iv_ros.model.link_motion import LinkFrames, LinkMotion, Vector, turn, turn_back
+from idim_iv_ros.model.link_motion import LinkFrames, LinkMotion, Vector, turn
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -98,7 +98,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     # The axis of joint j is z of its frame: the third row of the rotation.
                     axis = turn(turned, pose[2, 0], pose[2, 1], pose[2, 2])
                     if frames.revolute[j]:
-                        slide = turn(turned, *turn_back(pose, -pose[1, 3], pose[0, 3], 0.0))
+                        slide = turn(turned, *turn(pose.T, -pose[1, 3], pose[0, 3], 0.0))
                     else:
                         axis, slide = (0.0, 0.0, 0.0), axis
                     joint_row(axis, slide, acceleration, spin, rate, row)

@@ -70,17 +70,13 @@ class Run(Motion):
         accelerations, column = self.acceleration.copy(), slice(joint, joint + 1)
         accelerations[:, joint] = 0.0
         coupled = np.einsum("sk,sk->s", self.load.mass[:, joint], accelerations)
+        mass, torque, slope, position = (part[:, column] for part in self.load)
         return replace(
             self,
             command=self.command[:, column],
             position=self.position[:, column],
             valid=self.valid[:, column],
-            load=Load(
-                self.load.mass[:, column, column],
-                self.load.torque[:, column] + coupled[:, None],
-                self.load.slope[:, column],
-                self.load.position[:, column],
-            ),
+            load=Load(mass[:, :, column], torque + coupled[:, None], slope, position),
             acceleration=None,
         )
 

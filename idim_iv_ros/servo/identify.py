@@ -67,20 +67,18 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
     covariance = answer.covariance.copy()
     covariance[0, 0] += (model_error * compliance) ** 2
     half = width * float(np.sqrt(covariance[0, 0]))
-    low, high = 1.0 / (compliance + half), np.inf
-    if half < compliance:
-        high = 1.0 / (compliance - half)
+    low = 1.0 / (compliance + half)
+    high = 1.0 / (compliance - half) if half < compliance else np.inf
     numbers = [
         ServoNumber(
             name="stiffness", unit="N m/rad", value=1.0 / compliance, low=low, high=high, shown=True
         )
     ]
     for kind, (name, unit, _, _) in _NAMES.items():
-        if not name:
-            continue
         value = getattr(answer.drive, kind)
         slopes = {"compliance": -value / compliance**2, kind: 1.0 / compliance}
-        numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
+        if name:
+            numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
     by_load = answer.drive.load_friction
     slopes = {"load_friction": 1.0}
     return (*numbers, _number("friction by load", "1", by_load, slopes, covariance, width))
@@ -280,14 +278,14 @@ def _joint(name: str, runs: Sequence[Run], answer: DriveEstimate, model_error: f
 
 def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
     """Rms error of position, rad, at half the recordings after a fit to the other half."""
-    halves: tuple[list[Run], list[Run]] = ([], [])
+    parts = []
     for run in runs:
         early = np.arange(len(run.position))[:, None] < len(run.position) // 2
-        halves[0].append(replace(run, valid=run.valid & early))
-        halves[1].append(replace(run, valid=run.valid & ~early))
+        parts.append([replace(run, valid=run.valid & half) for half in (early, ~early)])
+    first, second = zip(*parts, strict=True)
     errors = [
         residuals(others, fit_drive(fitted, answer.drive, answer.free).drive)
-        for fitted, others in (halves, halves[::-1])
+        for fitted, others in ((first, second), (second, first))
     ]
     error = np.concatenate(errors)
     return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")

@@ -109,9 +109,9 @@ class Exported:
     isaac_lab: Path | None
     changes: Path
     ranges: Path | None  # Module that samples randomized MuJoCo models, if requested
-    not_native: tuple[str, ...]  # Effects that MuJoCo has no element for
-    notes: tuple[str, ...]
     bags: tuple[str, ...]  # Names of the recordings that the result is from
+    not_native: tuple[str, ...] = ()  # Effects that MuJoCo has no element for
+    notes: tuple[str, ...] = ()
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -169,8 +169,6 @@ def export(
         isaac_lab=None if of_mjcf else out / ISAAC_LAB,
         changes=out / CHANGES,
         ranges=out / RANDOMIZE if randomize else None,
-        not_native=(),
-        notes=(),
         bags=robot.bags,
     )
     before = exported.effects.is_file() and exported.changes.is_file()

@@ -287,8 +287,7 @@ def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, Flo
     axes = axes * np.where(along < 0.0, -1.0, 1.0)
     if np.linalg.det(axes) < 0.0:
         axes[:, int(np.argmin(np.abs(along)))] *= -1.0
-    turn = pin.Quaternion(axes)
-    return moments, np.array([turn.w, turn.x, turn.y, turn.z])
+    return moments, np.roll(pin.Quaternion(axes).coeffs(), 1)
 
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # the upper triangle

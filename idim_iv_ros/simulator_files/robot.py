@@ -70,9 +70,7 @@ class DriveLaw:
     @property
     def in_actuators(self) -> bool:
         """Return whether proportional and derivative actuators express the whole law."""
-        return (
-            self.configured and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
-        )
+        return self.configured and not (self.beyond or np.any(self.ki) or np.any(self.delay))
 
     @property
     def words(self) -> str:

@@ -147,8 +147,7 @@ def set_inertias(mujoco: Any, model: Any, robot: RobotModel, parameters: Dynamic
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:
-    x, y, z, w = pin.Quaternion(np.asarray(rotation)).coeffs()
-    return np.array([w, x, y, z])
+    return np.roll(pin.Quaternion(np.asarray(rotation)).coeffs(), 1)
 
 
 SHAFT, COUPLING = "_shaft", "_coupling"
