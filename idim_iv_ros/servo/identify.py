@@ -16,18 +16,8 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.servo.fit import (
-    LARGEST_ANGLE,
-    PARAMETERS,
-    DriveEstimate,
-    Motion,
-    Run,
-    fit_drive,
-    fit_factor,
-    fit_servos,
-    present_parameters,
-    residuals,
-)
+from idim_iv_ros.servo import fit
+from idim_iv_ros.servo.fit import LARGEST_ANGLE, PARAMETERS, DriveEstimate, Motion, Run
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoNumber, ServoResult, ServoSeries
 from idim_iv_ros.signals.joint_side import joint_transform
 from idim_iv_ros.types import FloatArray
@@ -173,7 +163,7 @@ def identify_servos(
             for recording, setting in zip(recordings, settings, strict=True)
         ]
         watch.stage("fit", 0.3)
-        fitted = fit_servos(motions, robot)
+        fitted = fit.fit_servos(motions, robot)
         watch.stage("held out", 0.7)
         joints = tuple(
             _joint(name, runs, answer, model_error)
@@ -257,8 +247,8 @@ def _joint(name: str, runs: Sequence[Run], answer: DriveEstimate, model_error: f
             "stiffness of the loop are known: add a known mass, or move where gravity acts"
         )
         start = answer.drive._replace(compliance=0.0, load_friction=0.0)
-        free = [parameter for parameter in present_parameters(start) if parameter != "compliance"]
-        answer = fit_drive(runs, start, free)
+        free = [kind for kind in fit.present_parameters(start) if kind != "compliance"]
+        answer = fit.fit_drive(runs, start, free)
     position = np.concatenate([run.position[run.valid] for run in runs])
     steps = np.diff(np.unique(position))
     steps = steps[steps > 1e-7]
@@ -284,7 +274,7 @@ def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
         parts.append([replace(run, valid=run.valid & half) for half in (early, ~early)])
     first, second = zip(*parts, strict=True)
     errors = [
-        residuals(others, fit_drive(fitted, answer.drive, answer.free).drive)
+        fit.residuals(others, fit.fit_drive(fitted, answer.drive, answer.free).drive)
         for fitted, others in ((first, second), (second, first))
     ]
     error = np.concatenate(errors)
@@ -297,12 +287,12 @@ def _gain_checks(
     """Compare the given gain of a recording with its estimate from all other recordings."""
     for tested, given in zip(runs, settings, strict=True):
         others = [run for run in runs if run is not tested]
-        drive = fit_drive(others, answer.drive, answer.free)
+        drive = fit.fit_drive(others, answer.drive, answer.free)
 
         def scaled(factor: float, run: Run = tested) -> Run:
             return replace(run, gain=factor * run.gain)
 
-        factor, std = fit_factor(scaled, drive)
+        factor, std = fit.fit_factor(scaled, drive)
         wide = interval_width(drive) * std
         low, high = given * max(factor - wide, 0.0), given * (factor + wide)
         yield GainCheck(
