@@ -114,8 +114,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
         """Dry and viscous friction of unit size, times what the warmth leaves of it."""
         v = motion.velocity[:, place.joint]
-        time = motion.elapsed if shape.restarts else motion.time
-        fading = np.exp(-time / shape.time_constant)
+        fading = np.exp(-(motion.elapsed if shape.restarts else motion.time) / shape.time_constant)
         if shape.speed > 0.0:
             kept = math.exp(-1.0 / (motion.rate * shape.time_constant))
             fading -= scipy.signal.lfilter(

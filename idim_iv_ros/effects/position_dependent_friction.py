@@ -114,8 +114,7 @@ class PositionDependentFriction(WaveEffect):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Dry friction of the spot, or of all waves."""
-        spot = given.values("centre", "width", "height")
-        yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
+        yield TorqueTerm(_SPOT, given.values("centre", "width", "height"), friction=True, dry=True)
         for term in given.terms:
             values = term["wave_number_k"], term["sine_k"], term["cosine_k"]
             yield TorqueTerm(_WAVES, values, friction=True, dry=True)

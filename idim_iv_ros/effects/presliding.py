@@ -45,8 +45,7 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 
 @kernel
 def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> None:
-    moved = step * (dq + 0.5 * step * ddq) / p[0]
-    bent = min(max(state[0] + moved, -1.0), 1.0)
+    bent = min(max(state[0] + step * (dq + 0.5 * step * ddq) / p[0], -1.0), 1.0)
     state[0] = bent
     outward = abs(bent) == 1.0 and bent * (dq + step * ddq) > 0.0
     state[1] = bent if outward else 0.0
@@ -103,8 +102,7 @@ class Presliding(StructuralEffect[BristleShape]):
             return []
         acceleration = 2.0 * covered.fastest**2 / span
         rows = _LEAST_ROWS if covered.sticking else _ROWS_AT_REVERSAL
-        crossed = 0.5 * acceleration * (rows / covered.row_rate) ** 2
-        least = max(1e-4 * covered.lever, crossed)
+        least = max(1e-4 * covered.lever, 0.5 * acceleration * (rows / covered.row_rate) ** 2)
         spans = np.geomspace(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(span),)) for span in spans]
 

@@ -39,8 +39,7 @@ def wave_specs(of: str) -> tuple[ParameterSpec, ...]:
 def wave(p: FloatArray, position: float) -> float:
     """Value of a wave at a position, compiled, from p = (wave number, sine, cosine)."""
     phase = p[0] * position
-    value: float = p[1] * math.sin(phase) + p[2] * math.cos(phase)
-    return value
+    return float(p[1] * math.sin(phase) + p[2] * math.cos(phase))
 
 
 def _apart(shape: Waves, resolution: float) -> bool:

@@ -139,8 +139,7 @@ def waves(
         position += a * np.sin(pulsation * time + p)
         velocity += a * pulsation * np.cos(pulsation * time + p)
         acceleration -= a * pulsation**2 * np.sin(pulsation * time + p)
-    distance = np.minimum(time, seconds - time)
-    window, slope, curvature = quintic(np.clip(distance / fade, 0.0, 1.0))
+    window, slope, curvature = quintic(np.clip(np.minimum(time, seconds - time) / fade, 0.0, 1.0))
     first, second = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope, curvature / fade**2
     faded_velocity = window * velocity + first * position
     faded_acceleration = window * acceleration + 2.0 * first * velocity + second * position
@@ -183,8 +182,7 @@ def multisine(
     phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, used.shape)
     frequency = np.broadcast_to(lines, used.shape)
     level = np.where(used, 1.0 / frequency, 0.0)
-    total = flat + 2.0 * _FADE
-    shape = waves(level, frequency, phase, total, _FADE, rate)
+    shape = waves(level, frequency, phase, flat + 2.0 * _FADE, _FADE, rate)
     return Segment(
         "multisine",
         "multisine",
@@ -256,8 +254,7 @@ class DiagnosisPlanner:
         step = max(1, int(self.rate / (_SAMPLES_PER_PERIOD * highest)))
         position, velocity, acceleration = shape[:, ::step]
         position = self.posture + offset + position
-        joints = self.model.robot.joints
-        motion = Trajectory(joints, self.rate, position, velocity, acceleration)
+        motion = Trajectory(self.model.robot.joints, self.rate, position, velocity, acceleration)
         return limit_use(self.model.robot, self.limits, motion).within(self.limits)
 
     def _fit(self, make: Callable[[float], Segment]) -> Segment:

@@ -287,8 +287,7 @@ def random_motion(
     basis = FourierBasis(duration, round(_HIGHEST_FREQUENCY * duration))
     coefficients = random.normal(size=(basis.size, joints))
     posture = limits.middle + limits.half_range * random.uniform(-0.2, 0.2, joints)
-    time = np.arange(round(duration * rate) + 1) / rate
-    wave, slope, curve = basis.motion(time, coefficients)
+    wave, slope, curve = basis.motion(np.arange(round(duration * rate) + 1) / rate, coefficients)
     room = limits.room(posture)
     scale = np.minimum(room / np.abs(wave).max(axis=0), limits.velocity / np.abs(slope).max(axis=0))
     scale = np.minimum(scale, limits.acceleration / np.abs(curve).max(axis=0)) * limits.margin

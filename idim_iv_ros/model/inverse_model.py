@@ -29,8 +29,7 @@ class InverseModel:
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None = None
     ) -> FloatArray:
         """Base regressor (n_samples, n_joints, b) at states; arguments as of `regressor`."""
-        standard = self.regressor(q, dq, ddq, smooth)
-        return np.asarray(standard[:, :, self.base.columns])
+        return np.asarray(self.regressor(q, dq, ddq, smooth)[:, :, self.base.columns])
 
     def joint_matrices(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> list[FloatArray]:
         """Rows of each joint: (n_samples, c_j) with only the columns it depends on.
@@ -68,8 +67,7 @@ class InverseModel:
         kinds = {"prismatic": ("M",), "revolute": ("XX", "YY", "ZZ")}
         if any(parameter.kind == "Ia" for parameter in parameters):
             kinds = dict.fromkeys(kinds, ("Ia",))
-        types = self.robot.joint_types
-        unit = [float(one.kind in kinds[types[one.joint]]) for one in parameters]
+        unit = [float(one.kind in kinds[self.robot.joint_types[one.joint]]) for one in parameters]
         return self.base.from_standard(np.array(unit))
 
     def dynamic_parameters(self, values: FloatArray) -> DynamicParameters:

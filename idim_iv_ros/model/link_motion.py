@@ -44,8 +44,7 @@ def link_frames(robot: RobotModel) -> LinkFrames:
         motion = jacobian.reshape(6, -1)[:, model.joints[joint].idx_v]
         axis = motion[3:] if np.linalg.norm(motion[3:]) > 0.5 else motion[:3]
         if axis[2] != 1.0:
-            helper = np.eye(3)[np.argmin(np.abs(axis))]
-            x = np.cross(helper, axis)
+            x = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
             x /= np.linalg.norm(x)
             turned[joint] = np.column_stack([x, np.cross(axis, x), axis])
         parent, placement = turned[model.parents[joint]], model.jointPlacements[joint]

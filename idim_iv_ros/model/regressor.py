@@ -4,7 +4,6 @@ Row j of the block of link i is the torque that joint j needs for the wrenches o
 each inertial parameter, turned to the axis of joint j as link i sees it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -58,7 +57,7 @@ def joint_row(
     row[9] = u0 * w1 * w2 - u1 * w0 * w2 + u2 * d2
 
 
-def _entry(digest: str) -> Callable[..., Any]:
+def _entry(digest: str) -> Any:
     """Compile the function that Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
@@ -107,8 +106,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     ascend(motion.rotation[j], motion.translation[j], pose)
                     j = frames.parent[j]
 
-    compiled: Callable[..., Any] = columns
-    return compiled
+    return columns
 
 
 inertial_columns = _entry(source_digest(link_motion))

@@ -217,8 +217,7 @@ def kinematics_digest(robot: RobotModel) -> str:
     model = robot.pinocchio
     parts = [*robot.joints, *robot.joint_types, *map(str, robot.order), *map(str, model.parents)]
     for place, joint in zip(model.jointPlacements[1:], model.joints[1:], strict=True):
-        axis = np.ravel(joint.createData().S)
-        numbers = np.concatenate([place.homogeneous[:3].ravel(), axis])
+        numbers = np.concatenate([place.homogeneous[:3].ravel(), np.ravel(joint.createData().S)])
         # Adding zero: no negative zeros.
         parts += [f"{number:.{_DIGITS}f}" for number in np.round(numbers, _DIGITS) + 0.0]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -161,8 +161,7 @@ def nearest_physical(
     # The estimate, split as the nominal model splits it: drives and friction keep their place.
     start = coordinates.reference
     start[10 * len(coordinates.links) :] = nominal
-    missing = values[shown] - group[shown] @ start
-    change, *_ = np.linalg.lstsq(group[shown], missing, rcond=None)
+    change, *_ = np.linalg.lstsq(group[shown], values[shown] - group[shown] @ start, rcond=None)
     before = coordinates.to_standard @ (start + change)
     links = []
     for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):

@@ -104,8 +104,7 @@ def upper_root(matrix: FloatArray) -> FloatArray:
 
     Raises numpy.linalg.LinAlgError: it is not positive definite.
     """
-    flipped = np.linalg.cholesky(matrix[::-1, ::-1])
-    return np.asarray(flipped[::-1, ::-1])
+    return np.asarray(np.linalg.cholesky(matrix[::-1, ::-1])[::-1, ::-1])
 
 
 @dataclass(frozen=True)
@@ -219,8 +218,7 @@ class ConicProblem:
         # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
         settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        quadratic = sparse.diags(diagonal, format="csc")
-        problem = (quadratic, linear, matrix, right, cones, settings)
+        problem = (sparse.diags(diagonal, format="csc"), linear, matrix, right, cones, settings)
         solution = clarabel.DefaultSolver(*problem).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             raise DataError(

@@ -198,8 +198,7 @@ def _sizes(matrix: FloatArray, missing: FloatArray, prior: _Prior, groups: int) 
     """Relative sizes (groups,) of maximum evidence; `missing`: R(β̂ − Kπ) of the model."""
     sizes = np.full(groups, USUAL_ERROR)
     most = np.where(np.arange(groups) < groups // 2, USUAL_ERROR, 1.0)
-    has_prior = np.bincount(prior.groups[~prior.free], minlength=groups) > 0
-    sizes[~has_prior] = 0.0
+    sizes[np.bincount(prior.groups[~prior.free], minlength=groups) == 0] = 0.0  # without a prior
     for _ in range(_MOST_STEPS):
         variances = prior.variances(sizes)
         spread = np.linalg.inv(np.eye(len(missing)) + (matrix * variances) @ matrix.T)

@@ -249,8 +249,7 @@ def _joint(name: str, runs: Sequence[Run], answer: DriveEstimate, model_error: f
         start = answer.drive._replace(compliance=0.0, load_friction=0.0)
         free = [kind for kind in fit.present_parameters(start) if kind != "compliance"]
         answer = fit.fit_drive(runs, start, free)
-    position = np.concatenate([run.position[run.valid] for run in runs])
-    steps = np.diff(np.unique(position))
+    steps = np.diff(np.unique(np.concatenate([run.position[run.valid] for run in runs])))
     steps = steps[steps > 1e-7]
     asked = np.concatenate([(run.command - run.position)[run.used] for run in runs])
     return ServoJoint(
@@ -286,8 +285,7 @@ def _gain_checks(
 ) -> Iterator[GainCheck]:
     """Compare the given gain of a recording with its estimate from all other recordings."""
     for tested, given in zip(runs, settings, strict=True):
-        others = [run for run in runs if run is not tested]
-        drive = fit.fit_drive(others, answer.drive, answer.free)
+        drive = fit.fit_drive([run for run in runs if run is not tested], answer.drive, answer.free)
 
         def scaled(factor: float, run: Run = tested) -> Run:
             return replace(run, gain=factor * run.gain)

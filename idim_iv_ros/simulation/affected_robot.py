@@ -108,8 +108,7 @@ def completed_shaft(shaft: ShaftPart, reduced: float) -> tuple[ShaftPart, float]
     stiffness = min(stiffness, reduced * FASTEST**2)
     if np.isnan(damping):
         damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
-    complete = replace(shaft, stiffness=stiffness, damping=damping)
-    return complete, float(np.sqrt(stiffness / reduced))
+    return replace(shaft, stiffness=stiffness, damping=damping), float(np.sqrt(stiffness / reduced))
 
 
 def link_positions(
@@ -239,8 +238,7 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     contact = first_coupling
     for joint, _, part in added.items:
         if isinstance(part, TorqueTerm):
-            kind = TORQUE_LAWS.index(part.law)
-            torques.append((kind, int(place[joint]), part.load, part.values))
+            torques.append((TORQUE_LAWS.index(part.law), int(place[joint]), part.load, part.values))
         elif isinstance(part, CouplingTerm):
             torques.append((TORQUE_LAWS.index(part.law), contact, Load.LINKS, part.values))
             contact += 1

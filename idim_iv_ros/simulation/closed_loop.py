@@ -138,8 +138,7 @@ def simulate_closed_loop(
     if outcome == closed_loop_kernel.TOO_FAST:
         joint = robot.order[coordinate] if coordinate < joints else behind[coordinate - joints]
         unit = "rad/s" if robot.joint_types[joint] == "revolute" else "m/s"
-        name = robot.joints[joint]
-        diverged = f"joint {name} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
+        diverged = f"joint {robot.joints[joint]} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
     elif outcome != closed_loop_kernel.COMPLETED:
         diverged = f"the mass matrix is not positive definite at {time:.3f} s"
     place = np.argsort(robot.order)

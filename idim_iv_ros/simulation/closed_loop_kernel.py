@@ -11,7 +11,6 @@ contact is then at rest, and the remainder of the step is integrated anew.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,8 +61,7 @@ def prepare(
                 load -= plant.damping[i, j] * dq[j]
                 work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
             work.load[i] = load
-        positive: bool = factorise(work.mass, work.factor)
-        return positive
+        return bool(factorise(work.mass, work.factor))
     n = effects.link.shape[0]
     for i in range(n):
         effects.link_q[i] = q[effects.link[i]]
@@ -91,8 +89,7 @@ def prepare(
         work.load[effects.link[i]] -= work.bias[i]
         for j in range(n):
             work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
-    positive = factorise(work.mass, work.factor)
-    return positive
+    return bool(factorise(work.mass, work.factor))
 
 
 @kernel
@@ -341,7 +338,7 @@ def record(
     return True
 
 
-def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def _entries(digest: str) -> tuple[Any, Any]:
     """Compile the functions that Python calls; `digest` is part of their key in numba's cache."""
 
     @entry

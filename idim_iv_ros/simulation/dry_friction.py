@@ -52,11 +52,10 @@ def solve(factor: FloatArray, vector: FloatArray) -> None:
 @kernel
 def slip(contacts: Contacts, contact: int, speed: FloatArray) -> float:
     """Slip speed of a contact; slip acceleration where `speed` is an acceleration."""
-    one: float = speed[contacts.first[contact]]
+    one = float(speed[contacts.first[contact]])
     if contacts.second[contact] < 0:
         return one
-    other: float = contacts.direction[contact] * speed[contacts.second[contact]]
-    return one + other
+    return one + float(contacts.direction[contact] * speed[contacts.second[contact]])
 
 
 @kernel

@@ -305,8 +305,7 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
         root = np.linalg.inv(upper_root(pseudo_inertia(reference)))
     except np.linalg.LinAlgError:
         return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
-    relative = root @ pseudo_inertia(parameters) @ root.T
-    return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
+    return bool(np.linalg.eigvalsh(root @ pseudo_inertia(parameters) @ root.T)[0] > _LEAST)
 
 
 def _round(number: EffectParameter) -> float:

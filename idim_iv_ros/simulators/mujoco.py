@@ -17,7 +17,7 @@ and `qfrc_applied` of the data. But for constant torques it takes their dry fric
 MuJoCo allows (`dof_solref`, `dof_solimp`), since with the defaults a joint at rest creeps.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -453,7 +453,7 @@ class Effects:
         return self._effects.force
 
 
-def _entry(digest: str) -> Callable[..., Any]:
+def _entry(digest: str) -> Any:
     """Compile the kernel that Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
@@ -509,8 +509,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                 friction[1, c] = 0.0
             friction[0, c] = max(friction[0, c], LEAST_LEVEL if effects.dry[c] else 0.0)
 
-    compiled: Callable[..., Any] = torques
-    return compiled
+    return torques
 
 
 _torques = _entry(source_digest(dry_friction, effect_kernel, *registry.MODULES))
@@ -547,5 +546,4 @@ class _DelayLine:
         self.sent = [torque, *self.sent[:-1]]
         share = self._delay / step - whole
         sent, columns = np.array(self.sent), np.arange(len(torque))
-        arrived = (1.0 - share) * sent[whole, columns] + share * sent[whole + 1, columns]
-        return np.asarray(arrived)
+        return np.asarray((1.0 - share) * sent[whole, columns] + share * sent[whole + 1, columns])
