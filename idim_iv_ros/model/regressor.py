@@ -163,19 +163,16 @@ class StandardRegressor:
             return np.asarray(np.sign(speed) if smooth is None else np.tanh(speed / smooth[joint]))
 
         pairs = {pair[1]: pair[0] for pair in self.layout.coupling_joints}
+        signals = {"Ia": ddq, "Fv": dq, "off": np.ones_like(dq)}
         for column, parameter in enumerate(self.layout.parameters):
             joint, kind = parameter.joint, parameter.kind
-            if kind == "Ia":
-                matrix[:, joint, column] = ddq[:, joint]
-                if joint in pairs:
-                    matrix[:, joint, column] += ddq[:, pairs[joint]]
-                    matrix[:, pairs[joint], column] = ddq[:, joint]
-            elif kind == "Fv":
-                matrix[:, joint, column] = dq[:, joint]
+            if kind in signals:
+                matrix[:, joint, column] = signals[kind][:, joint]
+            if kind == "Ia" and joint in pairs:
+                matrix[:, joint, column] += ddq[:, pairs[joint]]
+                matrix[:, pairs[joint], column] = ddq[:, joint]
             elif kind == "Fc":
                 matrix[:, joint, column] = sign(dq[:, joint], joint)
-            elif kind == "off":
-                matrix[:, joint, column] = 1.0
             elif kind == "Fvm":
                 matrix[:, pairs[joint], column] = dq[:, joint]
                 matrix[:, joint, column] = dq[:, pairs[joint]]

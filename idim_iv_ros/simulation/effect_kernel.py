@@ -146,10 +146,8 @@ def effect_torques(
         w = slip(plant.contacts, c, speed)
         if effects.dry[c] and (mode[c] != 0 or c >= n):
             sign = float(mode[c])
-        elif effects.dry[c]:
-            sign = np.sign(holding[c])
         else:
-            sign = np.sign(w)
+            sign = np.sign(holding[c] if effects.dry[c] else w)
         position = velocity = load = 0.0
         if c < n:
             position, velocity, load = q[c], dq[c], effects.load[c]

@@ -123,9 +123,8 @@ def corrected_model(
             numbers = {name: _round(parameter) for name, parameter in cause.parameters.items()}
             effects.append(SimulatedEffect(cause.effect, cause.joint, numbers))
         elif part == "gravity":
-            names = [f"rotation_about_{axis}" for axis in "xyz"]
             present = {name: number.value for name, number in cause.parameters.items()}
-            turn = np.array([present.get(name, 0.0) for name in names])
+            turn = np.array([present.get(f"rotation_about_{axis}", 0.0) for axis in "xyz"])
             gravity = np.asarray(pin.exp3(turn) @ gravity)
             if "gravity_x" in present:  # all of it, where the nominal model's is far from it
                 gravity = np.array([present[f"gravity_{axis}"] for axis in "xyz"])

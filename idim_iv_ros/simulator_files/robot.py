@@ -268,9 +268,8 @@ class ExportedRobot:
         numbers = {name: np.zeros(n) for name in ("kp", "kd", "ki")}
         if law is not None:
             numbers = {name: getattr(law, name).copy() for name in numbers}
-        limit, delay, beyond = np.full(n, np.inf), np.full(n, section.delay), []
-        if section.torque_limit is not None:
-            limit = np.array(section.torque_limit)
+        limit = np.array(section.torque_limit or [np.inf] * n)
+        delay, beyond = np.full(n, section.delay), []
         for effect in self.structural:
             value, part = effect.parameters, part_of(effect.effect)
             at = [effect.joint in (None, joint) for joint in joints]
