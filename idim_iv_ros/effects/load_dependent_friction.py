@@ -23,14 +23,12 @@ _LOADS = {
 
 @dataclass(frozen=True)
 class LoadShape(Shape):
-    """How friction follows the `load`, as a power of its share of the largest one (`scale`, N m).
-
-    `two_directions`: whether both directions of the power flow have a coefficient of their own: a
-    gear that is driven loses less or more than one that drives.
-    """
+    """How friction follows the `load`, as a power of its share of the largest one."""
 
     exponent: float
-    scale: float
+    scale: float  # The largest load, N m
+    # Whether both directions of the power flow have a coefficient of their own: a gear that is
+    # driven loses less or more than one that drives
     two_directions: bool
     load: Load
 

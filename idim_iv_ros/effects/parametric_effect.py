@@ -18,16 +18,12 @@ CLEARLY = 3.0
 
 @dataclass(frozen=True)
 class Change:
-    """A number of the nominal model that a hypothesis changes.
-
-    `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`; `least`: the
-    smallest change that physics allows.
-    """
+    """A number of the nominal model that a hypothesis changes."""
 
     name: str
     unit: str
-    direction: FloatArray
-    least: float = -np.inf
+    direction: FloatArray  # (d,): how the torque answers, in the coordinates of a `ParameterSpace`
+    least: float = -np.inf  # Smallest change that physics allows
 
 
 @dataclass(frozen=True)
@@ -45,18 +41,14 @@ class Estimated:
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """Coordinates of all changes: b base parameters, two tilts of gravity, a gain for each joint.
-
-    `given` (b,): base parameters of the nominal model; `axes` (2, 3): unit vectors of the base
-    frame about which gravity may be tilted; `not_given`: kind and joint of numbers of which the
-    nominal model says nothing; `is_free`: whether numbers are changes from those of other
-    recordings, whatever the nominal model says.
-    """
+    """Coordinates of all changes: b base parameters, two tilts of gravity, a gain of each joint."""
 
     model: InverseModel
-    given: FloatArray
-    axes: FloatArray
+    given: FloatArray  # (b,): base parameters of the nominal model
+    axes: FloatArray  # (2, 3): unit vectors of the base frame about which gravity may be tilted
+    # Kind and joint of numbers of which the nominal model says nothing
     not_given: frozenset[tuple[str, int]] = frozenset()
+    # Whether numbers are changes from those of other recordings, whatever the nominal model says
     is_free: bool = False
 
     @property

@@ -26,15 +26,12 @@ _NO_LIMIT = 1e9  # rad, rad/s, N m (m, m/s, N): a limit as large stands for none
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of the URDF, (n_joints,) each; infinite where it gives none.
+    """Limits of the URDF, (n_joints,) each; infinite where it gives none."""
 
-    Position in rad or m, velocity in rad/s or m/s, effort in N m or N.
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
+    lower: FloatArray  # rad (m)
+    upper: FloatArray  # rad (m)
+    velocity: FloatArray  # rad/s (m/s)
+    effort: FloatArray  # N m (N)
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from idim_iv_ros.signals.joint_side import joint_transform
 from idim_iv_ros.types import FloatArray
 
 _LEVEL = 0.95
-# Largest ratio of a standard deviation to 1 / K at which it may be divided by.
-_SHOWN = 1.0 / 3.0
+_SHOWN = 1.0 / 3.0  # Largest ratio of a standard deviation to 1 / K at which it may be divided by
 # Names and units of what a parameter is times the stiffness (none: of no use), and of itself.
 _NAMES = {
     "inertia": ("armature", "kg m²", "armature / stiffness", "s²"),

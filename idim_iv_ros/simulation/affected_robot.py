@@ -129,8 +129,7 @@ def link_positions(
     return link
 
 
-# A step is at most this over the pulsation of the fastest shaft, rad.
-SHAFT_ANGLE = 0.4
+SHAFT_ANGLE = 0.4  # A step is at most this over the pulsation of the fastest shaft, rad
 # Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
 STICKS = 1e-9
 _Row = tuple[int, int, Load, tuple[float, ...]]  # law, joint or contact, load, values

@@ -28,8 +28,7 @@ from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, 
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
 from idim_iv_ros.types import FloatArray
 
-# Longest plant step when the caller gives none, s.
-PLANT_STEP = 0.5e-3
+PLANT_STEP = 0.5e-3  # Longest plant step when the caller gives none, s
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,7 @@ from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-# Slip speeds that cross zero within this fraction of a step cross together.
-TOGETHER = 1e-9
+TOGETHER = 1e-9  # Slip speeds that cross zero within this fraction of a step cross together
 
 
 @kernel
@@ -181,43 +180,35 @@ def _stop(plant: Plant, resting: BoolArray, dq: FloatArray) -> None:
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
 
-# Speed (rad/s or m/s) above which a simulation has diverged.
-SPEED_LIMIT = 1e3
+SPEED_LIMIT = 1e3  # Speed (rad/s or m/s) above which a simulation has diverged
 
 
 class Loop(NamedTuple):
-    """Control law as one PID with feedforward, and the instants of the loop, joints in tree order.
+    """Control law as one PID with feedforward, and instants of the loop; joints in tree order."""
 
-    kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
-    `rate` (Hz); delay, lag : (n,) s; period, plant_step : s; speed_factor : of the filter of
-    differences that the law takes for the speed, 0 for the exact one.
-    """
-
-    kp: FloatArray
+    kp: FloatArray  # (n,), as the next three
     kd: FloatArray
     ki: FloatArray
     limit: FloatArray
-    position: FloatArray
+    position: FloatArray  # (n_samples, n) at `rate`, as the next three
     velocity: FloatArray
     feedforward: FloatArray
     disturbance: FloatArray
-    rate: float
-    period: float
-    delay: FloatArray
-    lag: FloatArray
-    plant_step: float
+    rate: float  # Hz
+    period: float  # s
+    delay: FloatArray  # (n,) s
+    lag: FloatArray  # (n,) s
+    plant_step: float  # s
+    # Of the filter of differences that the law takes for the speed, 0 for the exact one
     speed_factor: float
 
 
 class Trace(NamedTuple):
-    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows.
-
-    `acceleration` has no rows where it is not asked for.
-    """
+    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows."""
 
     position: FloatArray
     velocity: FloatArray
-    acceleration: FloatArray
+    acceleration: FloatArray  # No rows where it is not asked for
     commanded: FloatArray
     applied: FloatArray
 

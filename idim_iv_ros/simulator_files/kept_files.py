@@ -38,8 +38,7 @@ _TURNS = ("axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
 _NEAR = 0.1  # of it: known no better from a recording
-# Smaller relative differences are rounding errors of sums.
-_ROUNDING = 1e-14
+_ROUNDING = 1e-14  # Smaller relative differences are rounding errors of sums
 
 _DECLARATION = re.compile(rb"\s*<\?xml[^>]*\?>")
 

@@ -39,8 +39,7 @@ from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
-# A body must have at least this share of the reference's inertia in every direction.
-_LEAST = 1e-4
+_LEAST = 1e-4  # A body must have at least this share of the reference's inertia in every direction
 # Torque that bodies and friction would take for theirs.
 _NO_BODY = ("torque scale", "gravity")
 
