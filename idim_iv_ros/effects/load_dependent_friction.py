@@ -40,9 +40,6 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(share * p[3] * (abs(at.load) / p[3]) ** p[2], 0.0, 0.0, 0.0)
 
 
-_LAW = TorqueLaw(_torque)
-
-
 class LoadDependentFriction(StructuralEffect[LoadShape]):
     """sign(dq) · scale (|τ| / scale)^exponent · (driving or driven); τ: torque of the links."""
 
@@ -69,7 +66,8 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             bound="0 or 1",
         ),
     )  # fmt: skip
-    laws = (_LAW,)
+    law = TorqueLaw(_torque)
+    laws = (law,)
 
     def grid(self, covered: JointRange) -> list[LoadShape]:
         """Exponents about one, one or two coefficients."""
@@ -130,4 +128,4 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         values = given.values("driving", "driven", "exponent", "scale")
         load = Load.MOTOR if given.value["motor_torque"] == 1.0 else Load.LINKS
         load = Load.STATIC if given.value["static_torque"] == 1.0 else load
-        return [TorqueTerm(_LAW, values, friction=True, dry=True, load=load)]
+        return [TorqueTerm(self.law, values, friction=True, dry=True, load=load)]

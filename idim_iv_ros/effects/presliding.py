@@ -68,9 +68,6 @@ def _turns(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float)
     return False
 
 
-_LAW = TorqueLaw(_torque, _advance, _turns)
-
-
 class Presliding(StructuralEffect[BristleShape]):
     """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k.
 
@@ -90,7 +87,8 @@ class Presliding(StructuralEffect[BristleShape]):
         ParameterSpec("span_k", "rad", "distance to full slip", None, "positive"),
         ParameterSpec("level_k", "N m", "part of the Coulomb friction", None, "not negative"),
     )
-    laws = (_LAW,)
+    law = TorqueLaw(_torque, _advance, _turns)
+    laws = (law,)
 
     def grid(self, covered: JointRange) -> list[BristleShape]:
         """Spans from what a reversal crosses within a part of a row to 0.15 of the range.
@@ -118,4 +116,4 @@ class Presliding(StructuralEffect[BristleShape]):
         part = min(1.0, max(given.coulomb, 0.0) / total) if total else 0.0
         for term in given.terms:
             level = part * term["level_k"]
-            yield TorqueTerm(_LAW, (term["span_k"], level), friction=True, replaced=level)
+            yield TorqueTerm(self.law, (term["span_k"], level), friction=True, replaced=level)

@@ -58,9 +58,6 @@ def _bent(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(0.0, 0.0, p[0] * (math.sinh(x) if p[3] != 0.0 else math.atan(x)), 0.0)
 
 
-_POLYNOMIAL, _BENT = TorqueLaw(_polynomial), TorqueLaw(_bent)
-
-
 class Spring(StructuralEffect[SpringShape]):
     """A smooth function of the position, the same in both directions.
 
@@ -87,7 +84,7 @@ class Spring(StructuralEffect[SpringShape]):
         ParameterSpec("centre", "rad", "centre of the bent part"),
         ParameterSpec("width", "rad", "width of the bent part", 1.0, "positive"),
     )
-    laws = (_POLYNOMIAL, _BENT)
+    polynomial, bent = laws = TorqueLaw(_polynomial), TorqueLaw(_bent)
     in_offset = ("constant",)
     element_of = "joint"
 
@@ -145,7 +142,7 @@ class Spring(StructuralEffect[SpringShape]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """The polynomial, and the bent part where there is one."""
-        yield TorqueTerm(_POLYNOMIAL, given.values(*_POWERS, "lowest", "highest"))
+        yield TorqueTerm(self.polynomial, given.values(*_POWERS, "lowest", "highest"))
         if given.value["bent"] != 0.0:
             bend = ("bent", "centre", "width", "hardening")
-            yield TorqueTerm(_BENT, given.values(*bend, "lowest", "highest"))
+            yield TorqueTerm(self.bent, given.values(*bend, "lowest", "highest"))
