@@ -455,9 +455,7 @@ def stop(
     Accelerations keep their limits; where the range of a joint ends before the robot could come to
     rest, it is asked for the end of the range.
     """
-    whole = float(np.max(np.abs(velocity) / limits.acceleration))
-    count = 20
-    duration = max(whole, 0.05)
+    count, duration = 20, max(float(np.max(np.abs(velocity) / limits.acceleration)), 0.05)
     time = np.linspace(0.0, duration, count + 1)[:, None]
     # Constant deceleration.
     share = 1.0 - time / duration

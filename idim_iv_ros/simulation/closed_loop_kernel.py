@@ -20,7 +20,7 @@ from idim_iv_ros.effects import registry
 from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation import dry_friction, effect_kernel, rigid_body
-from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
+from idim_iv_ros.simulation.dry_friction import accelerate, copy, factorise, slip
 from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
@@ -243,13 +243,6 @@ def command(
 
 
 @kernel
-def copy(source: FloatArray, target: FloatArray) -> None:
-    """Copy values: numba takes a second to compile the assignment of a slice."""
-    for i in range(source.shape[0]):
-        target[i] = source[i]
-
-
-@kernel
 def _send(
     loop: Loop, state: State, time: float, controls: int, q: FloatArray, dq: FloatArray
 ) -> None:
@@ -311,8 +304,7 @@ def record(
         trace.applied[recorded, i] = 0.5 * (state.before[i] + state.acting[i])
     if effects is None and recorded > 0 and trace.acceleration.shape[0] == 0:
         return True
-    for c in range(state.mode.shape[0]):
-        state.spare_mode[c] = state.mode[c]
+    copy(state.mode, state.spare_mode)
     copy(state.ddq, state.spare)
     mean = trace.applied[recorded]
     # With effects twice: friction may depend on the load, and that on the acceleration.

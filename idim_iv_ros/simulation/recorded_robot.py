@@ -89,7 +89,11 @@ def record_simulated_robot(
     if np.any(np.asarray(disturbance) > 0.0):
         random = np.random.default_rng([seed, _DISTURBANCE])
         white = random.normal(size=(len(fine_position) + 1, position_reference.shape[1]))
-        drift = _low_pass(white, disturbance_bandwidth, rate * ratio) * disturbance
+        # First-order noise of unit variance from its first sample on.
+        pole = math.exp(-2.0 * math.pi * disturbance_bandwidth / (rate * ratio))
+        gain, before = math.sqrt(1.0 - pole**2), pole * white[:1]
+        noise, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=before)
+        drift = noise * disturbance
     truth = simulate_closed_loop(
         robot,
         parameters,
@@ -134,11 +138,3 @@ def _refined(signal: FloatArray, ratio: int) -> FloatArray:
     samples = np.arange(len(signal))
     place = np.arange(ratio * (len(signal) - 1) + 1) / ratio
     return np.column_stack([np.interp(place, samples, column) for column in signal.T])
-
-
-def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
-    """First-order noise of unit variance from its first sample on, one sample fewer."""
-    pole = math.exp(-2.0 * math.pi * bandwidth / rate)
-    gain = math.sqrt(1.0 - pole**2)
-    filtered, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
-    return np.asarray(filtered)
