@@ -7,16 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.effects.contribution import (
-    Contribution,
-    DriveCurve,
-    DriveLaw,
-    Element,
-    EncoderError,
-    Law,
-    TorqueLaw,
-    TorqueTerm,
-)
+from idim_iv_ros.effects.contribution import Contribution, Element, Law, contribution_of
 from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
@@ -139,12 +130,7 @@ class Cause(ABC):
         for law in self.laws:
             for term in given.terms if names[0].endswith("_k") else [given.value]:
                 values = tuple(term[name] for name in names)
-                if isinstance(law, TorqueLaw):
-                    yield TorqueTerm(law, values, self.part == "friction", self.dry)
-                elif isinstance(law, DriveLaw):
-                    yield DriveCurve(law, values)
-                else:
-                    yield EncoderError(law, values)
+                yield contribution_of(law, values, self.part == "friction", self.dry)
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """Parameters with which the effect stands for a negative Fv or Fc; empty by default."""

@@ -193,3 +193,10 @@ def reference_direction(speed: FloatArray) -> FloatArray:
 Contribution = (
     TorqueTerm | CouplingTerm | ShaftPart | DriveCurve | EncoderError | CommandDelay | LawChange
 )
+
+
+def contribution_of(law: Law, values: tuple[float, ...], friction: bool, dry: bool) -> Contribution:
+    """Return what a law adds with these values; `friction`, `dry`: see `TorqueTerm`."""
+    if isinstance(law, TorqueLaw):
+        return TorqueTerm(law, values, friction, dry)
+    return DriveCurve(law, values) if isinstance(law, DriveLaw) else EncoderError(law, values)

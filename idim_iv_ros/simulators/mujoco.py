@@ -40,13 +40,8 @@ from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import LinkFrames, link_frames
 from idim_iv_ros.model.mjcf import load_mujoco, mujoco_reads, set_first
-from idim_iv_ros.simulation import dry_friction, effect_kernel
-from idim_iv_ros.simulation.affected_robot import (
-    affected_plant,
-    completed_shaft,
-    encoder_error,
-    joined_shafts,
-)
+from idim_iv_ros.simulation import affected_robot, dry_friction, effect_kernel
+from idim_iv_ros.simulation.affected_robot import affected_plant, completed_shaft
 from idim_iv_ros.simulation.dry_friction import slip
 from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL
 from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
@@ -224,7 +219,7 @@ class MujocoShafts:
         # Each with the numbers of its joint, its position and its velocity in the model.
         self._shafts: list[tuple[ShaftPart, int, int, int]] = []
         present = {model.joint(k).name for k in range(model.njnt)}
-        for place, shaft in joined_shafts(added.of(ShaftPart)).items():
+        for place, shaft in affected_robot.joined_shafts(added.of(ShaftPart)).items():
             name = joints[place]
             if name + SHAFT not in present:
                 raise UsageError(
@@ -391,7 +386,7 @@ class Effects:
     def measured(self, data: Any) -> FloatArray:
         """Return the measured positions and velocities (2, n) of `joints`, encoder errors added."""
         q, dq = data.qpos[self._qpos], data.qvel[self._dof]
-        error, slope = encoder_error(self._added, q)
+        error, slope = affected_robot.encoder_error(self._added, q)
         return np.stack([q + error, dq * (1.0 + slope)])
 
     def place_links(self, model: Any, data: Any) -> None:

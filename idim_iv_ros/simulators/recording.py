@@ -116,11 +116,9 @@ def simulated_robot(
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
     place = f"{configuration.source or 'configuration'}: simulated_robot.parameters: "
     truth = EffectsFile(base_parameters=settings.parameters, place=place).changed(truth)
-    effects: tuple[SimulatedEffect, ...] = ()
-    if extended is not None:
-        beyond = read_effects(Path(extended))
-        truth, effects = beyond.changed(truth), beyond.effects
-        contributions_of(effects, model.robot.joints)
+    beyond = EffectsFile() if extended is None else read_effects(Path(extended))
+    truth = beyond.changed(truth)
+    contributions_of(beyond.effects, model.robot.joints)  # refuses
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
         law = replace(law, delay=settings.delay)
@@ -131,7 +129,7 @@ def simulated_robot(
         law=law,
         configuration=configuration,
         description=text,
-        effects=effects,
+        effects=beyond.effects,
     )
 
 
