@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.effects.registry import BY_NAME, CAUSES
@@ -117,7 +117,8 @@ def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) 
     """
     rise, flat = len(_phase(ramp, rate)[0]), max(round(plateau * rate), 1)
     knots = np.cumsum([0, rise, flat, rise, rise, flat, rise])
-    level = CubicHermiteSpline(knots / rate, [0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0], np.zeros(7))
+    speeds = [0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0]
+    level = scipy.interpolate.CubicHermiteSpline(knots / rate, speeds, np.zeros(7))
     time = np.arange(knots[-1])[:, None] / rate
     return np.stack([level.antiderivative()(time), level(time), level(time, 1)]) * speed
 

@@ -108,9 +108,9 @@ class Exported:
     isaac_lab: Path | None
     changes: Path
     ranges: Path | None  # Module that samples randomized MuJoCo models, if requested
-    bags: tuple[str, ...]  # Names of the recordings that the result is from
     not_native: tuple[str, ...] = ()  # Effects that MuJoCo has no element for
     notes: tuple[str, ...] = ()
+    bags: tuple[str, ...] = ()  # Names of the recordings that the result is from
 
     @property
     def files(self) -> tuple[Path, ...]:
