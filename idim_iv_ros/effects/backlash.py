@@ -61,13 +61,12 @@ class Backlash(StructuralEffect[BacklashShape]):
         inertia = covered.inertia
         if inertia <= 0.0:
             return []
-        load = covered.load
         gaps = covered.lever * np.geomspace(1e-4, _WIDEST, 9)
         shapes: list[BacklashShape] = []
         for frequency in _FLANKS:
             stiffness = inertia * (2.0 * np.pi * frequency) ** 2
             damping = 2.0 * _DAMPING * float(np.sqrt(stiffness * inertia))
-            shapes += [BacklashShape(float(gap), stiffness, damping, load) for gap in gaps]
+            shapes += [BacklashShape(float(gap), stiffness, damping, covered.load) for gap in gaps]
         return [shape for shape in shapes if shape.wide]
 
     def neighbours(

@@ -7,16 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from idim_iv_ros.effects.contribution import (
-    Contribution,
-    DriveCurve,
-    DriveLaw,
-    Element,
-    EncoderError,
-    Law,
-    TorqueLaw,
-    TorqueTerm,
-)
+from idim_iv_ros.effects.contribution import Contribution, Element, Law, contribution_of
 from idim_iv_ros.errors import UsageError
 
 Kind = Literal["parametric", "structural"]
@@ -59,22 +50,16 @@ def surest(parameters: Mapping[str, EffectParameter], most: int) -> Parameters:
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One parameter that an effect has.
+    """One parameter that an effect has."""
 
-    `name`: as in gap.json; one that ends in _k means _1, _2, … that belong together; `unit`: of a
-    revolute joint; `words`: what it is; empty where its name says it; `default`: for the simulator:
-    None where it must be given, NaN where something else takes its place (the configured gain, a
-    stiffness from the inertias); `bound`: of numbers given to the simulator; all but "unbounded"
-    ones must be finite; `standard`: kind of the standard parameter that it is a change of (Fv);
-    empty of others.
-    """
-
-    name: str
-    unit: str
-    words: str = ""
+    name: str  # As in gap.json; one that ends in _k means _1, _2, … that belong together
+    unit: str  # Of a revolute joint
+    words: str = ""  # What it is; empty where its name says it
+    # For the simulator: None where it must be given, NaN where something else takes its place (the
+    # configured gain, a stiffness from the inertias)
     default: float | None = 0.0
-    bound: Bound = "any"
-    standard: str = ""
+    bound: Bound = "any"  # Of numbers for the simulator; all but "unbounded" ones must be finite
+    standard: str = ""  # Kind of the standard parameter that it changes (Fv); empty of others
 
     def check(self, value: float, name: str) -> None:
         """Refuse a value out of the bounds with a UsageError; `name` says whose it is."""
@@ -93,15 +78,12 @@ class ParameterSpec:
 
 @dataclass(frozen=True)
 class GivenNumbers:
-    """Checked parameters of one effect for the simulator, each of them present.
+    """Checked parameters of one effect for the simulator, each of them present."""
 
-    `value`: by name, of those without a number at the end; `terms`: those that end in a number, one
-    mapping for each number, by names that end in _k; `coulomb`: friction of the joint, N m (N).
-    """
-
-    value: Mapping[str, float]
+    value: Mapping[str, float]  # By name, of those without a number at the end
+    # Those that end in a number: one mapping for each number, by names that end in _k
     terms: Sequence[Mapping[str, float]]
-    coulomb: float
+    coulomb: float  # Friction of the joint, N m (N)
 
     def values(self, *names: str) -> tuple[float, ...]:
         """Values of the named parameters, in this order, for a compiled law."""
@@ -126,8 +108,7 @@ class Cause(ABC):
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
     # Part of the robot that it changes; empty: physics that nothing else asks for by its part.
     part: ClassVar[Part] = ""
-    # Part whose cause it can only act with; empty: by itself.
-    acts_with: ClassVar[Part] = ""
+    acts_with: ClassVar[Part] = ""  # Part whose cause it can only act with; empty: by itself
     # Whether, at no joint in particular, it is put in before anything else is looked for.
     put_in_first: ClassVar[bool] = False
     # Simulator: whether the base parameters hold it already; whether it may be at all joints, none
@@ -135,8 +116,7 @@ class Cause(ABC):
     in_base_parameters: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
     laws: ClassVar[tuple[Law, ...]] = ()
-    # Whether the torque of its law lets the joint stick.
-    dry: ClassVar[bool] = False
+    dry: ClassVar[bool] = False  # Whether the torque of its law lets the joint stick
     # What of a MuJoCo model may hold it: elements of its joint, a tendon over two; empty: nothing.
     element_of: ClassVar[Literal["", "joint", "tendon"]] = ""
 
@@ -150,12 +130,7 @@ class Cause(ABC):
         for law in self.laws:
             for term in given.terms if names[0].endswith("_k") else [given.value]:
                 values = tuple(term[name] for name in names)
-                if isinstance(law, TorqueLaw):
-                    yield TorqueTerm(law, values, self.part == "friction", self.dry)
-                elif isinstance(law, DriveLaw):
-                    yield DriveCurve(law, values)
-                else:
-                    yield EncoderError(law, values)
+                yield contribution_of(law, values, self.part == "friction", self.dry)
 
     def instead_of(self, kind: str, value: float) -> dict[str, float]:
         """Parameters with which the effect stands for a negative Fv or Fc; empty by default."""

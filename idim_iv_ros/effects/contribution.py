@@ -14,12 +14,9 @@ import numpy as np
 from idim_iv_ros.compilation import kernel
 from idim_iv_ros.types import FloatArray
 
-# Numbers that a term keeps from one time step to the next, at most.
-STATES = 2
-# Speed below which friction is not divided by it, rad/s.
-LEAST_SPEED = 1e-9
-# Share of a reference's largest speed below which it is reversing.
-_REVERSING = 0.02
+STATES = 2  # Numbers that a term keeps from one time step to the next, at most
+LEAST_SPEED = 1e-9  # Speed below which friction is not divided by it, rad/s
+_REVERSING = 0.02  # Share of a reference's largest speed below which it is reversing
 
 
 class Load(IntEnum):
@@ -35,36 +32,27 @@ class Load(IntEnum):
 
 
 class Instant(NamedTuple):
-    """Where a joint is at the middle of a time step.
+    """Where a joint is at the middle of a time step."""
 
-    `time`, `elapsed`: s since the start of the session, and of the recording; `position`: rad (m);
-    `speed`: rad/s (m/s) in the direction in which it moves, not negative; of a coupling that of its
-    contact; `direction`: 1 or −1, in which it moves or, at rest, would be moved; 0 where nothing
-    moves it; `load`: N m (N), what the term takes as such (`TorqueTerm.load`); `velocity`: at the
-    start of the step, which lasts `step` s.
-    """
-
-    time: float
-    elapsed: float
-    position: float
+    time: float  # s since the start of the session
+    elapsed: float  # s since the start of the recording
+    position: float  # rad (m)
+    # rad/s (m/s) in the direction in which it moves, not negative; of a coupling, of its contact
     speed: float
+    # 1 or −1, in which it moves or, at rest, would be moved; 0 where nothing moves it
     direction: float
-    load: float
-    velocity: float
-    step: float
+    load: float  # N m (N), what the term takes as such (`TorqueTerm.load`)
+    velocity: float  # rad/s (m/s) at the start of the step
+    step: float  # s, how long the step lasts
 
 
 class Torque(NamedTuple):
-    """What a term adds at an instant: all that opposes motion as level or damping.
+    """What a term adds at an instant: all that opposes motion as level or damping."""
 
-    `level`: dry friction, N m (N); `damping`: N m s/rad; `force`: torque that the motor must
-    overcome in either direction, N m (N); `stiffness`: slope of `force` over the position, N m/rad,
-    where it must enter the step implicitly.
-    """
-
-    level: float
-    damping: float
-    force: float
+    level: float  # Dry friction, N m (N)
+    damping: float  # N m s/rad
+    force: float  # Torque that the motor must overcome in either direction, N m (N)
+    # Slope of `force` over the position, N m/rad, where it must enter the step implicitly
     stiffness: float
 
 
@@ -76,37 +64,30 @@ def _keeps(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float)
 
 @dataclass(frozen=True, eq=False)
 class TorqueLaw:
-    """Torque of a term at an instant, compiled: (p, at: Instant, state) -> Torque.
+    """Torque of a term at an instant, compiled."""
 
-    `advance`: (p, state, dq, ddq, step) -> None moves the state (STATES,) along a step that starts
-    at velocity dq; None for a law without state. `turns`, with the same arguments: whether the
-    state turns into another regime within this step, which is then set: the step is to be computed
-    anew.
-    """
-
-    torque: Callable[..., Any]
+    torque: Callable[..., Any]  # (p, at: Instant, state) -> Torque
+    # (p, state, dq, ddq, step) -> None moves the state (STATES,) along a step that starts at
+    # velocity dq; None for a law without state
     advance: Callable[..., Any] | None = None
+    # The same arguments: whether the state turns into another regime within this step, which is
+    # then set: the step is to be computed anew
     turns: Callable[..., Any] = _keeps
 
 
 @dataclass(frozen=True, eq=False)
 class DriveLaw:
-    """Torque that acts for a commanded one, compiled: (p, command) -> torque.
+    """Torque that acts for a commanded one, compiled."""
 
-    Of several at a joint, the one of the lowest `rank` acts first.
-    """
-
-    curve: Callable[..., Any]
-    rank: int
+    curve: Callable[..., Any]  # (p, command) -> torque
+    rank: int  # Of several at a joint, the one of the lowest acts first
 
 
 @dataclass(frozen=True, eq=False)
 class EncoderLaw:
-    """What an encoder adds to a position and its slope, compiled: (p, q) -> (error, slope).
+    """What an encoder adds to a position and its slope, compiled: (p, q) -> (error, slope)."""
 
-    `error.py_func` is called with arrays, too: it uses NumPy's functions and no compiled ones.
-    """
-
+    # Its `py_func` is called with arrays, too: it uses NumPy's functions and no compiled ones
     error: Callable[..., Any]
 
 
@@ -115,18 +96,13 @@ Law = TorqueLaw | DriveLaw | EncoderLaw
 
 @dataclass(frozen=True)
 class TorqueTerm:
-    """A torque at the joint.
-
-    `friction`: whether only together with the model's friction it is kept from driving; `dry`:
-    whether it lets the joint stick; `replaced`: model's Coulomb friction that it takes the place
-    of, N m (N).
-    """
+    """A torque at the joint."""
 
     law: TorqueLaw
     values: tuple[float, ...]
-    friction: bool = False
-    dry: bool = False
-    replaced: float = 0.0
+    friction: bool = False  # Whether it is kept from driving only together with the model's
+    dry: bool = False  # Whether it lets the joint stick
+    replaced: float = 0.0  # Model's Coulomb friction that it takes the place of, N m (N)
     load: Load = Load.LINKS
 
 
@@ -142,17 +118,12 @@ class CouplingTerm:
 
 @dataclass(frozen=True)
 class ShaftPart:
-    """Part of what is between motor and link.
+    """Part of what is between motor and link; stiffness or damping of NaN: from the inertias."""
 
-    `gap`: dead zone of ± gap/2, rad (m); `stiffness`, `damping`: N m/rad, N m s/rad; NaN: from the
-    inertias; `flanks`: whether the stiffness is that of flanks alone, which beside a shaft are
-    rigid.
-    """
-
-    gap: float
-    stiffness: float
-    damping: float
-    flanks: bool
+    gap: float  # Dead zone of ± gap/2, rad (m)
+    stiffness: float  # N m/rad
+    damping: float  # N m s/rad
+    flanks: bool  # Whether the stiffness is that of flanks alone, which beside a shaft are rigid
 
 
 @dataclass(frozen=True)
@@ -180,50 +151,37 @@ class CommandDelay:
 
 @dataclass(frozen=True)
 class LawChange:
-    """The law that the robot runs in the place of the configured one.
+    """The law that the robot runs in the place of the configured one; NaN: a gain as configured."""
 
-    `kp`, `kd`, `ki`: from errors to torque; NaN: as configured; feedforward of velocity,
-    acceleration and friction: N m s/rad, kg m², N m; `lag`: time constant of a first-order filter
-    behind the law, s.
-    """
-
-    kp: float
+    kp: float  # From errors to torque, as the next two
     kd: float
     ki: float
-    feedforward_velocity: float
-    feedforward_acceleration: float
-    feedforward_friction: float
-    lag: float
+    feedforward_velocity: float  # N m s/rad
+    feedforward_acceleration: float  # kg m²
+    feedforward_friction: float  # N m
+    lag: float  # Time constant of a first-order filter behind the law, s
 
 
 @dataclass(frozen=True)
 class Element:
-    """Numbers of elements of MuJoCo that are exactly an effect; empty where it has no such number.
+    """Numbers of elements of MuJoCo that are exactly an effect; empty where it has none."""
 
-    `damping`: (∣v∣v, v³) of its joint, N m s²/rad², N m s³/rad³; `stiffness`: (q, q², q³) of its
-    joint, N m/rad, N m/rad², N m/rad³; `tendon`: (direction, damping, dry friction) of a fixed
-    tendon over both joints.
-    """
-
-    damping: tuple[float, ...] = ()
-    stiffness: tuple[float, ...] = ()
+    damping: tuple[float, ...] = ()  # (∣v∣v, v³) of its joint, N m s²/rad², N m s³/rad³
+    stiffness: tuple[float, ...] = ()  # (q, q², q³) of its joint, N m/rad, N m/rad², N m/rad³
+    # (direction, damping, dry friction) of a fixed tendon over both joints
     tendon: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class CommandParts:
-    """What one joint's command may be made of, (n_samples,) each, at the rate of the recording.
+    """What one joint's command may be made of, (n_samples,) each, at the rate of the recording."""
 
-    `command`: N m (N), of the configured law without limit, on the measured position; `rate`: of
-    it, N m/s; `late` (n_samples, 4): change with the time by which position, speed and the
-    references of both are late, N m/s; `groups`: torque of a unit of each group that may be
-    another.
-    """
-
-    command: FloatArray
-    rate: FloatArray
+    command: FloatArray  # N m (N), of the configured law without limit, on the measured position
+    rate: FloatArray  # Of the command, N m/s
+    # (n_samples, 4) N m/s: change with the time by which position, speed and the references of both
+    # are late
     late: FloatArray
-    groups: dict[str, FloatArray]
+    groups: dict[str, FloatArray]  # Torque of a unit of each group that may be another
 
 
 def reference_direction(speed: FloatArray) -> FloatArray:
@@ -235,3 +193,10 @@ def reference_direction(speed: FloatArray) -> FloatArray:
 Contribution = (
     TorqueTerm | CouplingTerm | ShaftPart | DriveCurve | EncoderError | CommandDelay | LawChange
 )
+
+
+def contribution_of(law: Law, values: tuple[float, ...], friction: bool, dry: bool) -> Contribution:
+    """Return what a law adds with these values; `friction`, `dry`: see `TorqueTerm`."""
+    if isinstance(law, TorqueLaw):
+        return TorqueTerm(law, values, friction, dry)
+    return DriveCurve(law, values) if isinstance(law, DriveLaw) else EncoderError(law, values)

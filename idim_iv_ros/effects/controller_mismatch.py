@@ -14,8 +14,6 @@ from idim_iv_ros.types import FloatArray
 if TYPE_CHECKING:  # a simulation, which has all effects, needs no filters
     from idim_iv_ros.signals.joint_side import JointSignals
 
-_GAIN, _LAG = "gain", "lag"
-
 
 class ControllerMismatch(Cause):
     """Recorded command = law + changes of gains + feedforward − lag · d(command)/dt."""
@@ -26,14 +24,13 @@ class ControllerMismatch(Cause):
     part = "gains"
     excitation = "references that change quickly enough to leave a tracking error"
     segments = ("multisine",)
-    # What of the law may be another; of these the gain of the whole command; and how late it is.
+    # Names of the gain of the whole command and of its lag, and what of the law may be another.
+    whole, lag = "gain", "lag"
     groups = (
         *("kp", "kd", "ki"),
         *("feedforward_acceleration", "feedforward_velocity", "feedforward_friction"),
-        _GAIN,
+        whole,
     )
-    whole = _GAIN
-    lag = _LAG
     # Gains that are not named stay as configured.
     specs = (
         ParameterSpec("kp", "N m/rad", "kp in use", math.nan),
@@ -44,7 +41,7 @@ class ControllerMismatch(Cause):
         ),
         ParameterSpec("feedforward_velocity", "N m s/rad", "feedforward over reference velocity"),
         ParameterSpec("feedforward_friction", "N m", "feedforward of dry friction"),
-        ParameterSpec(_LAG, "s", "lag of the command", bound="not negative"),
+        ParameterSpec(lag, "s", "lag of the command", bound="not negative"),
     )
 
     def contributions(self, given: GivenNumbers) -> list[LawChange]:
@@ -78,7 +75,7 @@ class ControllerMismatch(Cause):
             "feedforward_acceleration": wanted_acceleration,
             "feedforward_velocity": wanted_speed,
             "feedforward_friction": reference_direction(wanted_speed),
-            _GAIN: command,
+            self.whole: command,
         }
         moving = np.gradient(signals.position[:, joint], step)
         late = np.column_stack([
@@ -97,10 +94,10 @@ class ControllerMismatch(Cause):
         The gains of a cascade are given as those from errors to torque.
         """
         given = {name: float(getattr(law, name)[joint]) for name in ("kp", "kd", "ki")}
-        more, unsure = changes.get(_GAIN, (0.0, 0.0))
-        scaled = [name for name, value in given.items() if value != 0.0 and _GAIN in changes]
+        more, unsure = changes.get(self.whole, (0.0, 0.0))
+        scaled = [name for name, value in given.items() if value != 0.0 and self.whole in changes]
         made = {}
-        for name in (*scaled, *(name for name in changes if name != _GAIN)):
+        for name in (*scaled, *(name for name in changes if name != self.whole)):
             configured = given.get(name, 0.0)
             change, std = changes.get(name, (0.0, 0.0))
             std = math.hypot(std, configured * unsure)

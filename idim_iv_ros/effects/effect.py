@@ -25,10 +25,8 @@ class Shape:
     @property
     def numbers(self) -> tuple[float, ...]:
         """All numbers of the shape in the order of its fields, choices as 0 and 1."""
-        made: list[float] = []
-        for value in vars(self).values():
-            made += value if isinstance(value, tuple) else (value,)
-        return tuple(map(float, made))
+        fields = (value if isinstance(value, tuple) else (value,) for value in vars(self).values())
+        return tuple(float(number) for field in fields for number in field)
 
 
 S = TypeVar("S", bound=Shape)
@@ -49,33 +47,23 @@ class Place:
 
 @dataclass(frozen=True)
 class JointRange:
-    """What the recordings cover at one joint, and what is small and large there.
+    """What the recordings cover at one joint, and what is small and large there."""
 
-    `low`, `high`: positions, rad (m); `slowest`, `fastest`, `mean_speed`: rad/s (m/s), below which
-    rows do not count, the highest, and the mean modulus; `load`, `torque`: largest of the links,
-    and of the joint, N m (N); `dry_friction`: its level, N m (N); `inertia`: mean of the links'
-    about the joint, kg m² (kg); `lever`: 1 for a revolute joint, 0.1 for a prismatic one: metres
-    that count as a radian; `duration`, `longest`: s, from the start of the first to the end of the
-    last recording, and of the longest one; `row_rate`: Hz; `sticking`: whether the closed loop is
-    simulated, which shows where the joint sticks; `left_out`: whether the torque says nothing of
-    the robot.
-    """
-
-    low: float
+    low: float  # Position, rad (m)
     high: float
-    slowest: float
-    fastest: float
-    mean_speed: float
-    load: float
-    torque: float
-    dry_friction: float
-    inertia: float
-    lever: float
-    duration: float
-    longest: float
-    row_rate: float
-    sticking: bool
-    left_out: bool
+    slowest: float  # Speed below which rows do not count, rad/s (m/s)
+    fastest: float  # Highest speed, rad/s (m/s)
+    mean_speed: float  # Mean modulus, rad/s (m/s)
+    load: float  # Largest torque of the links, N m (N)
+    torque: float  # Largest torque of the joint, N m (N)
+    dry_friction: float  # Its level, N m (N)
+    inertia: float  # Mean of the links' about the joint, kg m² (kg)
+    lever: float  # 1 for a revolute joint, 0.1 for a prismatic one: metres that count as a radian
+    duration: float  # s, from the start of the first to the end of the last recording
+    longest: float  # s, of the longest recording
+    row_rate: float  # Hz
+    sticking: bool  # Whether the closed loop is simulated, which shows where the joint sticks
+    left_out: bool  # Whether the torque says nothing of the robot
 
     @property
     def span(self) -> float:
@@ -112,8 +100,7 @@ class StructuralEffect(Cause, Generic[S]):
     # Names of the coefficients, in their order; those that end in _k are of each of several terms.
     # Numbers of the shape are called like its fields.
     linear: ClassVar[tuple[str, ...]] = ()
-    # Whether physics allows coefficients of either sign.
-    signed: ClassVar[bool] = False
+    signed: ClassVar[bool] = False  # Whether physics allows coefficients of either sign
     # Ends of numbers of the shape in the search, and numbers that it does not move.
     ends: ClassVar[Mapping[str, tuple[float, float]]] = {}
     fixed: ClassVar[tuple[str, ...]] = ()

@@ -67,9 +67,8 @@ class Elasticity(StructuralEffect[ShaftShape]):
         self, shape: ShaftShape, coefficients: FloatArray, torque: float, covered: JointRange
     ) -> bool:
         """Whether the shaft is no softer than the softest that are common."""
-        inertia = covered.inertia
         stiffness = shape.stiffness / float(coefficients[0])
-        return bool(stiffness >= inertia * (2.0 * np.pi * _SOFTEST) ** 2)
+        return bool(stiffness >= covered.inertia * (2.0 * np.pi * _SOFTEST) ** 2)
 
     def impossible(self, shape: ShaftShape, coefficients: FloatArray, covered: JointRange) -> str:
         """Links that swing slower or faster than those of arms, or not at all.

@@ -1,7 +1,5 @@
 """An encoder whose zero is not that of the model."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from idim_iv_ros.compilation import kernel
@@ -33,12 +31,12 @@ class EncoderOffset(StructuralEffect[Shape]):
     specs = (ParameterSpec("offset", "rad", "measured position less that of the model"),)
     laws = (EncoderLaw(_error),)
 
-    def torques(self, motion: RobotMotion, place: Place, shapes: Sequence[Shape]) -> list[Torques]:
+    def columns(self, motion: RobotMotion, place: Place, shape: Shape) -> Torques:
         """Change of all torques by an offset, 1 rad large."""
         small = 1e-4
         shift = np.full(len(motion.position), -small)
         table = motion.moved(place.joint, shift, links=False) / small
-        return [{joint: table[:, [joint]] for joint in range(table.shape[1])} for _ in shapes]
+        return {joint: table[:, [joint]] for joint in range(table.shape[1])}
 
     def admissible(self, shape: Shape, coefficients: FloatArray) -> bool:
         """Whether the offset is one that calibration leaves."""

@@ -21,17 +21,15 @@ _MIDDLE = 0.5  # warmth of the nominal friction, with which the search by the mo
 
 @dataclass(frozen=True)
 class DriftShape(Shape):
-    """How friction fades: time constant, s, and whether the clock restarts with each recording.
+    """How friction fades."""
 
-    It does where a robot rests in between; else it runs through the session. `speed`: mean of the
-    joint's that keeps it warm, rad/s (m/s); 0 where it warms with time, however it moves.
-    `nominal`: warmth at which friction is that of the model, 0 cold to 1 warm.
-    """
-
-    time_constant: float
+    time_constant: float  # s
+    # Whether the clock restarts with each recording, as where a robot rests in between; else it
+    # runs through the session
     restarts: bool
+    # Mean of the joint's that keeps it warm, rad/s (m/s); 0 where time warms it, however it moves
     speed: float = 0.0
-    nominal: float = 1.0
+    nominal: float = 1.0  # Warmth at which friction is that of the model, 0 cold to 1 warm
 
 
 @kernel
@@ -114,8 +112,7 @@ class FrictionDrift(StructuralEffect[DriftShape]):
     def columns(self, motion: RobotMotion, place: Place, shape: DriftShape) -> Torques:
         """Dry and viscous friction of unit size, times what the warmth leaves of it."""
         v = motion.velocity[:, place.joint]
-        time = motion.elapsed if shape.restarts else motion.time
-        fading = np.exp(-time / shape.time_constant)
+        fading = np.exp(-(motion.elapsed if shape.restarts else motion.time) / shape.time_constant)
         if shape.speed > 0.0:
             kept = math.exp(-1.0 / (motion.rate * shape.time_constant))
             fading -= scipy.signal.lfilter(

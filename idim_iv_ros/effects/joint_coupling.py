@@ -40,9 +40,6 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(level, max(damping, -level / speed), 0.0, 0.0)
 
 
-_LAW = TorqueLaw(_torque)
-
-
 class JointCoupling(StructuralEffect[CouplingShape]):
     """coulomb sign(w) + viscous |w|^power sign(w), w = dq_a ± dq_b, on both joints."""
 
@@ -66,7 +63,8 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         ParameterSpec("viscous", "N m at 1 rad/s", "friction of the coupling beyond that"),
         ParameterSpec("power", "", "power of the speed", 1.0, "positive"),
     )  # fmt: skip
-    laws = (_LAW,)
+    law = TorqueLaw(_torque)
+    laws = (law,)
     element_of = "tendon"
 
     def places(self, joints: int) -> list[Place]:
@@ -100,4 +98,4 @@ class JointCoupling(StructuralEffect[CouplingShape]):
         """Friction between both joints, dry where it has a level or no bound at rest."""
         values = given.values("coulomb", "viscous", "power")
         dry = given.value["coulomb"] > 0.0 or given.value["power"] < 1.0
-        return [CouplingTerm(_LAW, values, given.value["direction"], dry)]
+        return [CouplingTerm(self.law, values, given.value["direction"], dry)]

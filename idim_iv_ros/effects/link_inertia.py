@@ -44,29 +44,13 @@ class LinkInertia(ParametricEffect):
         given = np.array(space.model.robot.given.of_bodies[joint])
         # Half the difference of two unit shifts: moments of inertia are quadratic in them.
         shifts = [with_centre_moved(given, shift) for shift in np.vstack([np.eye(3), -np.eye(3)])]
-        whole = self._of_link(space, joint, _HEAVIER, "", given, -1.0)
         moved = [
-            change
+            Change(_MOVED + axis, "m", _direction(space, joint, 0.5 * (there - back)))
             for axis, there, back in zip("xyz", shifts[:3], shifts[3:], strict=True)
-            for change in self._of_link(space, joint, _MOVED + axis, "m", 0.5 * (there - back))
         ]
-        return [*filter(None, (whole, moved)), *super().variants(space, joint)]
-
-    def _of_link(
-        self,
-        space: ParameterSpace,
-        joint: int,
-        name: str,
-        unit: str,
-        parameters: FloatArray,
-        least: float = -np.inf,
-    ) -> list[Change]:
-        """Change of a link's XX … M (10,) by one number; empty where no motion shows it."""
-        direction = np.zeros(space.size)
-        for kind, value in zip(INERTIAL, parameters.tolist(), strict=True):
-            for change in space.change(kind, joint, kind):
-                direction += value * change.direction
-        return [Change(name, unit, direction, least)] if direction.any() else []
+        whole = [Change(_HEAVIER, "", _direction(space, joint, given), -1.0)]
+        shown = [[one for one in changes if one.direction.any()] for changes in (whole, moved)]
+        return [*filter(None, shown), *super().variants(space, joint)]
 
     def admissible(
         self, space: ParameterSpace, joint: int | None, estimates: Sequence[Estimated]
@@ -100,3 +84,12 @@ class LinkInertia(ParametricEffect):
     def which(self, joint: int) -> str:
         """The number of the link that the joint moves, in words."""
         return f" (link {joint + 1})"
+
+
+def _direction(space: ParameterSpace, joint: int, parameters: FloatArray) -> FloatArray:
+    """Direction (d,) of a change of a link's XX … M (10,); zero where no motion shows it."""
+    direction = np.zeros(space.size)
+    for kind, value in zip(INERTIAL, parameters.tolist(), strict=True):
+        for change in space.change(kind, joint, kind):
+            direction += value * change.direction
+    return direction

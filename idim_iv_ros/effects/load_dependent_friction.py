@@ -23,14 +23,12 @@ _LOADS = {
 
 @dataclass(frozen=True)
 class LoadShape(Shape):
-    """How friction follows the `load`, as a power of its share of the largest one (`scale`, N m).
-
-    `two_directions`: whether both directions of the power flow have a coefficient of their own: a
-    gear that is driven loses less or more than one that drives.
-    """
+    """How friction follows the `load`, as a power of its share of the largest one."""
 
     exponent: float
-    scale: float
+    scale: float  # The largest load, N m
+    # Whether both directions of the power flow have a coefficient of their own: a gear that is
+    # driven loses less or more than one that drives
     two_directions: bool
     load: Load
 
@@ -40,9 +38,6 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     """Torque for the simulator from p = (driving, driven, exponent, scale)."""
     share = p[0] if at.load * at.direction > 0.0 else p[1]
     return Torque(share * p[3] * (abs(at.load) / p[3]) ** p[2], 0.0, 0.0, 0.0)
-
-
-_LAW = TorqueLaw(_torque)
 
 
 class LoadDependentFriction(StructuralEffect[LoadShape]):
@@ -71,7 +66,8 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
             bound="0 or 1",
         ),
     )  # fmt: skip
-    laws = (_LAW,)
+    law = TorqueLaw(_torque)
+    laws = (law,)
 
     def grid(self, covered: JointRange) -> list[LoadShape]:
         """Exponents about one, one or two coefficients."""
@@ -132,4 +128,4 @@ class LoadDependentFriction(StructuralEffect[LoadShape]):
         values = given.values("driving", "driven", "exponent", "scale")
         load = Load.MOTOR if given.value["motor_torque"] == 1.0 else Load.LINKS
         load = Load.STATIC if given.value["static_torque"] == 1.0 else load
-        return [TorqueTerm(_LAW, values, friction=True, dry=True, load=load)]
+        return [TorqueTerm(self.law, values, friction=True, dry=True, load=load)]

@@ -14,21 +14,17 @@ class RobotMotion(ABC):
     """A recording's motion on a uniform grid of s samples, with the torques of the refit.
 
     Units as of the joints: rad, rad/s, N m, or m, m/s, N for a prismatic one.
-
-    `robot`: kinematics; `links`: dynamics of the rigid bodies alone; `rate`: of the grid, Hz;
-    `start`, `time` (s,): in the session, s; `position`, `velocity`, `acceleration`: (s, n_joints);
-    `slip` (s, n_joints): dry friction as a share of its level, −1 to 1.
     """
 
-    robot: RobotModel
-    links: DynamicParameters
-    rate: float
-    start: float
-    time: FloatArray
-    position: FloatArray
+    robot: RobotModel  # Kinematics
+    links: DynamicParameters  # Dynamics of the rigid bodies alone
+    rate: float  # Of the grid, Hz
+    start: float  # In the session, s
+    time: FloatArray  # (s,): in the session, s
+    position: FloatArray  # (s, n_joints), as the next two
     velocity: FloatArray
     acceleration: FloatArray
-    slip: FloatArray
+    slip: FloatArray  # (s, n_joints): dry friction as a share of its level, −1 to 1
 
     @property
     def elapsed(self) -> FloatArray:

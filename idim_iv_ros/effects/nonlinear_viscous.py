@@ -31,9 +31,6 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(p[0] * at.speed ** p[1], 0.0, 0.0, 0.0)
 
 
-_LAW = TorqueLaw(_torque)
-
-
 class NonlinearViscous(StructuralEffect[PowerShape]):
     """coefficient · |dq|^power · sign(dq).
 
@@ -53,7 +50,8 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         ParameterSpec("coefficient", "N m at 1 rad/s", "friction"),
         ParameterSpec("power", "", "power of the speed", 2.0, "positive"),
     )
-    laws = (_LAW,)
+    law = TorqueLaw(_torque)
+    laws = (law,)
     element_of = "joint"
 
     def grid(self, covered: JointRange) -> list[PowerShape]:
@@ -86,4 +84,4 @@ class NonlinearViscous(StructuralEffect[PowerShape]):
         """Friction, dry where its slope at rest has no bound."""
         power = given.value["power"]
         values = (given.value["coefficient"], power)
-        return [TorqueTerm(_LAW, values, friction=True, dry=power < 1.0)]
+        return [TorqueTerm(self.law, values, friction=True, dry=power < 1.0)]

@@ -18,16 +18,12 @@ CLEARLY = 3.0
 
 @dataclass(frozen=True)
 class Change:
-    """A number of the nominal model that a hypothesis changes.
-
-    `direction` (d,): how the torque answers, in the coordinates of a `ParameterSpace`; `least`: the
-    smallest change that physics allows.
-    """
+    """A number of the nominal model that a hypothesis changes."""
 
     name: str
     unit: str
-    direction: FloatArray
-    least: float = -np.inf
+    direction: FloatArray  # (d,): how the torque answers, in the coordinates of a `ParameterSpace`
+    least: float = -np.inf  # Smallest change that physics allows
 
 
 @dataclass(frozen=True)
@@ -45,18 +41,14 @@ class Estimated:
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """Coordinates of all changes: b base parameters, two tilts of gravity, a gain for each joint.
-
-    `given` (b,): base parameters of the nominal model; `axes` (2, 3): unit vectors of the base
-    frame about which gravity may be tilted; `not_given`: kind and joint of numbers of which the
-    nominal model says nothing; `is_free`: whether numbers are changes from those of other
-    recordings, whatever the nominal model says.
-    """
+    """Coordinates of all changes: b base parameters, two tilts of gravity, a gain of each joint."""
 
     model: InverseModel
-    given: FloatArray
-    axes: FloatArray
+    given: FloatArray  # (b,): base parameters of the nominal model
+    axes: FloatArray  # (2, 3): unit vectors of the base frame about which gravity may be tilted
+    # Kind and joint of numbers of which the nominal model says nothing
     not_given: frozenset[tuple[str, int]] = frozenset()
+    # Whether numbers are changes from those of other recordings, whatever the nominal model says
     is_free: bool = False
 
     @property
@@ -117,15 +109,11 @@ class ParametricEffect(Cause):
     def variants(self, space: ParameterSpace, joint: int | None) -> list[list[Change]]:
         """Numbers that may change together, of each of the `sets` of which the motion shows any."""
         assert joint is not None
-        variants = [
-            [
-                change
-                for kind in kinds
-                for change in space.change(kind, joint, self.change_of(kind, joint))
-            ]
-            for kinds in self.sets or [[spec.standard for spec in self.specs]]
-        ]
-        return [changes for changes in variants if changes]
+        variants: list[list[Change]] = []
+        for kinds in self.sets or [[spec.standard for spec in self.specs]]:
+            shown = (space.change(kind, joint, self.change_of(kind, joint)) for kind in kinds)
+            variants.append([change for changes in shown for change in changes])
+        return list(filter(None, variants))
 
     def change_of(self, kind: str, joint: int) -> str:
         """Return the name of the change of a kind of standard parameter: that of its spec."""
@@ -155,7 +143,6 @@ class ParametricEffect(Cause):
     def parameters(self, estimates: Sequence[Estimated]) -> Parameters:
         """Return the numbers by the names of the changes."""
         return {
-            change.name: EffectParameter(float(estimate.value), estimate.std, change.unit)
-            for estimate in estimates
-            for change in [estimate.change]
+            one.change.name: EffectParameter(float(one.value), one.std, one.change.unit)
+            for one in estimates
         }

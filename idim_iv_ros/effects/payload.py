@@ -74,16 +74,13 @@ class Payload(ParametricEffect):
         assert joint is not None
         named = {estimate.change.name: estimate for estimate in estimates}
         mass = named.get("mass")
-        there, sign = dict.fromkeys(_CHECKED, 0.0), 1.0
+        there, sign = np.zeros(len(INERTIAL)), 1.0
         if mass is not None and mass.value < 0.0:
-            sign = -1.0
             given = space.model.robot.given.of_bodies[joint]
-            there = dict(zip(INERTIAL, map(float, given), strict=True))
-            if space.is_free:
-                there = dict.fromkeys(_CHECKED, np.inf)
+            there, sign = np.full(len(INERTIAL), np.inf) if space.is_free else given, -1.0
         for kind in _CHECKED:
             change = named.get(_NAMES[kind])
-            if change is not None and not change.may_exceed(-there[kind]):
+            if change is not None and not change.may_exceed(-float(there[INERTIAL.index(kind)])):
                 return False
         return _is_body(named, sign, _size(space.model.robot, joint))
 

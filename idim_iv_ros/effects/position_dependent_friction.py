@@ -39,9 +39,6 @@ def _spot(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     return Torque(p[2] * math.exp(-(((at.position - p[0]) / p[1]) ** 2)), 0.0, 0.0, 0.0)
 
 
-_WAVES, _SPOT = TorqueLaw(_waves), TorqueLaw(_spot)
-
-
 class PositionDependentFriction(WaveEffect):
     """sign(dq) · (waves of the position, or height · exp(−((q − centre) / width)²))."""
 
@@ -60,7 +57,7 @@ class PositionDependentFriction(WaveEffect):
         ParameterSpec("width", "rad", "width of the spot", 1.0, "positive"),
         ParameterSpec("height", "N m", "friction there beyond that elsewhere"),
     )
-    laws = (_SPOT, _WAVES)
+    spot, waves = laws = TorqueLaw(_spot), TorqueLaw(_waves)
 
     def grid(self, covered: JointRange) -> list[SpotOrWaves]:
         """Shapes with a single wave, and with a single tight spot."""
@@ -115,7 +112,7 @@ class PositionDependentFriction(WaveEffect):
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """Dry friction of the spot, or of all waves."""
         spot = given.values("centre", "width", "height")
-        yield TorqueTerm(_SPOT, spot, friction=True, dry=True)
+        yield TorqueTerm(self.spot, spot, friction=True, dry=True)
         for term in given.terms:
             values = term["wave_number_k"], term["sine_k"], term["cosine_k"]
-            yield TorqueTerm(_WAVES, values, friction=True, dry=True)
+            yield TorqueTerm(self.waves, values, friction=True, dry=True)

@@ -45,8 +45,7 @@ def _torque(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
 
 @kernel
 def _advance(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float) -> None:
-    moved = step * (dq + 0.5 * step * ddq) / p[0]
-    bent = min(max(state[0] + moved, -1.0), 1.0)
+    bent = min(max(state[0] + step * (dq + 0.5 * step * ddq) / p[0], -1.0), 1.0)
     state[0] = bent
     outward = abs(bent) == 1.0 and bent * (dq + step * ddq) > 0.0
     state[1] = bent if outward else 0.0
@@ -69,9 +68,6 @@ def _turns(p: FloatArray, state: FloatArray, dq: float, ddq: float, step: float)
     return False
 
 
-_LAW = TorqueLaw(_torque, _advance, _turns)
-
-
 class Presliding(StructuralEffect[BristleShape]):
     """Σ level_k (z_k − sign(dq)), z_k a bristle that slips after span_k.
 
@@ -91,7 +87,8 @@ class Presliding(StructuralEffect[BristleShape]):
         ParameterSpec("span_k", "rad", "distance to full slip", None, "positive"),
         ParameterSpec("level_k", "N m", "part of the Coulomb friction", None, "not negative"),
     )
-    laws = (_LAW,)
+    law = TorqueLaw(_torque, _advance, _turns)
+    laws = (law,)
 
     def grid(self, covered: JointRange) -> list[BristleShape]:
         """Spans from what a reversal crosses within a part of a row to 0.15 of the range.
@@ -103,8 +100,7 @@ class Presliding(StructuralEffect[BristleShape]):
             return []
         acceleration = 2.0 * covered.fastest**2 / span
         rows = _LEAST_ROWS if covered.sticking else _ROWS_AT_REVERSAL
-        crossed = 0.5 * acceleration * (rows / covered.row_rate) ** 2
-        least = max(1e-4 * covered.lever, crossed)
+        least = max(1e-4 * covered.lever, 0.5 * acceleration * (rows / covered.row_rate) ** 2)
         spans = np.geomspace(least, max(0.15 * span, 10.0 * least), 16)
         return [BristleShape((float(span),)) for span in spans]
 
@@ -120,4 +116,4 @@ class Presliding(StructuralEffect[BristleShape]):
         part = min(1.0, max(given.coulomb, 0.0) / total) if total else 0.0
         for term in given.terms:
             level = part * term["level_k"]
-            yield TorqueTerm(_LAW, (term["span_k"], level), friction=True, replaced=level)
+            yield TorqueTerm(self.law, (term["span_k"], level), friction=True, replaced=level)

@@ -37,8 +37,7 @@ STRUCTURAL: tuple[Effect, ...] = tuple(
     cause for cause in CAUSES if isinstance(cause, StructuralEffect)
 )
 
-# Every name that a cause may have.
-EFFECTS: tuple[str, ...] = tuple(BY_NAME)
+EFFECTS: tuple[str, ...] = tuple(BY_NAME)  # Every name that a cause may have
 
 # What the simulator's kernel dispatches over, by place.
 TORQUE_LAWS = tuple(law for cause in CAUSES for law in cause.laws if isinstance(law, TorqueLaw))

@@ -26,12 +26,8 @@ class LineShape(Shape):
     highest: float
 
 
-@dataclass(frozen=True)
-class CubicShape(Shape):
+class CubicShape(LineShape):
     """Lowest and highest position, rad: outside them a cubic polynomial is constant."""
-
-    lowest: float
-    highest: float
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class BentShape(Shape):
     width: float
 
 
-SpringShape = LineShape | CubicShape | BentShape
+SpringShape = LineShape | BentShape
 
 
 @kernel
@@ -60,9 +56,6 @@ def _bent(p: FloatArray, at: Instant, state: FloatArray) -> Torque:
     """Values: bent, centre, width, hardening, lowest, highest."""
     x = (min(max(at.position, p[4]), p[5]) - p[1]) / p[2]
     return Torque(0.0, 0.0, p[0] * (math.sinh(x) if p[3] != 0.0 else math.atan(x)), 0.0)
-
-
-_POLYNOMIAL, _BENT = TorqueLaw(_polynomial), TorqueLaw(_bent)
 
 
 class Spring(StructuralEffect[SpringShape]):
@@ -91,7 +84,7 @@ class Spring(StructuralEffect[SpringShape]):
         ParameterSpec("centre", "rad", "centre of the bent part"),
         ParameterSpec("width", "rad", "width of the bent part", 1.0, "positive"),
     )
-    laws = (_POLYNOMIAL, _BENT)
+    polynomial, bent = laws = TorqueLaw(_polynomial), TorqueLaw(_bent)
     in_offset = ("constant",)
     element_of = "joint"
 
@@ -123,18 +116,18 @@ class Spring(StructuralEffect[SpringShape]):
     def columns(self, motion: RobotMotion, place: Place, shape: SpringShape) -> Torques:
         """A line; powers of the position; or the position and the bend."""
         q = np.clip(motion.position[:, place.joint], shape.lowest, shape.highest)
-        if isinstance(shape, LineShape):
-            return {place.joint: np.column_stack([np.ones_like(q), q])}
         if isinstance(shape, CubicShape):
             return {place.joint: np.column_stack([q, q**2, q**3])}
+        if isinstance(shape, LineShape):
+            return {place.joint: np.column_stack([np.ones_like(q), q])}
         bend = np.sinh if shape.hardening else np.arctan
         return {place.joint: np.column_stack([q, bend((q - shape.centre) / shape.width)])}
 
     def names(self, shape: SpringShape) -> tuple[str, ...]:
         """Names of the coefficients: of a line, of powers, or of a line and its bent part."""
-        if isinstance(shape, LineShape):
-            return _POWERS[:2]
-        return ("linear", "bent") if isinstance(shape, BentShape) else _POWERS[1:]
+        if isinstance(shape, BentShape):
+            return "linear", "bent"
+        return _POWERS[1:] if isinstance(shape, CubicShape) else _POWERS[:2]
 
     def element(self, value: Mapping[str, float], low: float, high: float) -> Element | None:
         """A polynomial stiffness, where the joint never leaves the range of the polynomial."""
@@ -149,7 +142,7 @@ class Spring(StructuralEffect[SpringShape]):
 
     def contributions(self, given: GivenNumbers) -> Iterator[TorqueTerm]:
         """The polynomial, and the bent part where there is one."""
-        yield TorqueTerm(_POLYNOMIAL, given.values(*_POWERS, "lowest", "highest"))
+        yield TorqueTerm(self.polynomial, given.values(*_POWERS, "lowest", "highest"))
         if given.value["bent"] != 0.0:
             bend = ("bent", "centre", "width", "hardening")
-            yield TorqueTerm(_BENT, given.values(*bend, "lowest", "highest"))
+            yield TorqueTerm(self.bent, given.values(*bend, "lowest", "highest"))

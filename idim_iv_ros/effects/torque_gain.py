@@ -17,8 +17,7 @@ from idim_iv_ros.types import FloatArray
 @kernel
 def _curve(p: FloatArray, command: float) -> float:
     """Acting torque of a command from the parameter p = (factor)."""
-    acting: float = p[0] * command
-    return acting
+    return float(p[0] * command)
 
 
 class TorqueGain(ParametricEffect):

@@ -51,8 +51,7 @@ class TorqueSaturation(StructuralEffect[KneeShape]):
 
     def grid(self, covered: JointRange) -> list[KneeShape]:
         """Knees from 15 to 95 % of the largest torque."""
-        largest = covered.torque
-        return [KneeShape(float(share * largest)) for share in np.linspace(0.15, 0.95, 17)]
+        return [KneeShape(float(share * covered.torque)) for share in np.linspace(0.15, 0.95, 17)]
 
     def neighbours(self, shape: KneeShape, step: float, covered: JointRange) -> list[KneeShape]:
         """Shapes with a nearby knee, in smaller steps: few rows lie beyond it."""

@@ -24,9 +24,8 @@ def transmitted(
     """
     inertia = motion.inertia[:, :, joint]
     most = float(np.max(np.abs(inertia[:, joint]))) + 1e-12
-    reflected = np.maximum(
-        inertia[:, joint], _LEAST_INERTIA * most
-    )  # of an estimate, it may be negative
+    # That of an estimate may be negative.
+    reflected = np.maximum(inertia[:, joint], _LEAST_INERTIA * most)
     frequency = np.sqrt(stiffness / float(np.min(reflected))) / (2.0 * np.pi)
     steps = max(1, int(np.ceil(_STEPS_PER_PERIOD * frequency / motion.rate)))
     steps += 1 - steps % 2  # odd, so that as many lie before a sample as after it
@@ -74,15 +73,12 @@ def _relative(
     shift = -load[0] / stiffness - side * half_gap
     speed = 0.0
     small = step / steps
-    half = (steps + 1) // 2
+    middle = (steps + 1) // 2 - 1
     torque, acceleration, count = 0.0, 0.0, 0
     for k in range(last + 1):
         response[1, k] = shift
         after = min(k + 1, last)
         for i in range(steps if k < last else 1):
-            if i == half:
-                response[0, k], response[2, k] = torque / count, acceleration / count
-                torque, acceleration, count = 0.0, 0.0, 0
             share = i / steps
             mass = (1.0 - share) * inertia[k] + share * inertia[after]
             followed = (1.0 - share) * load[k] + share * load[after]
@@ -106,6 +102,6 @@ def _relative(
             count += 1
             speed = later
             shift += small * later
-        if steps == 1 or k == last:
-            response[0, k], response[2, k] = torque / count, acceleration / count
-            torque, acceleration, count = 0.0, 0.0, 0
+            if i == middle or k == last:
+                response[0, k], response[2, k] = torque / count, acceleration / count
+                torque, acceleration, count = 0.0, 0.0, 0

@@ -39,8 +39,7 @@ def wave_specs(of: str) -> tuple[ParameterSpec, ...]:
 def wave(p: FloatArray, position: float) -> float:
     """Value of a wave at a position, compiled, from p = (wave number, sine, cosine)."""
     phase = p[0] * position
-    value: float = p[1] * math.sin(phase) + p[2] * math.cos(phase)
-    return value
+    return float(p[1] * math.sin(phase) + p[2] * math.cos(phase))
 
 
 def _apart(shape: Waves, resolution: float) -> bool:
@@ -76,8 +75,7 @@ class WaveEffect(StructuralEffect[Any]):
     """Base of an effect whose torque is a sum of waves over the position of its joint."""
 
     linear = ("sine_k", "cosine_k")
-    # Waves in the range of the joint, at least: fewer are a spring.
-    periods: ClassVar[float] = 1.5
+    periods: ClassVar[float] = 1.5  # Waves in the range of the joint, at least: fewer are a spring
     # Wave number, 1/rad (1/lever), at least: lower ones are gravity or an encoder off its axis.
     lowest: ClassVar[float] = 2.5
 

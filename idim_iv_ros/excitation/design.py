@@ -259,8 +259,7 @@ def predict_parameters(
     upper = weighted_r_factor(model, period, 1.0 / (torque_noise * torque_limit)) * np.sqrt(repeats)
     norms = np.linalg.norm(upper, axis=0)
     # Of the equilibrated factor: columns of unit length.
-    inverse = np.linalg.pinv(upper / np.where(norms > 0.0, norms, 1.0))
-    spread = np.linalg.norm(inverse, axis=1)
+    spread = np.linalg.norm(np.linalg.pinv(upper / np.where(norms > 0.0, norms, 1.0)), axis=1)
     parameters = [
         PredictedParameter(name, unit, float(given), float(s / norm), float(1.0 / s))
         for name, unit, given, s, norm in zip(

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from idim_iv_ros.configuration import Configuration, ControllerSection
 from idim_iv_ros.effects.registry import BY_NAME, CAUSES
@@ -31,7 +32,7 @@ from idim_iv_ros.excitation.trajectory import (
 )
 from idim_iv_ros.model import InverseModel
 from idim_iv_ros.progress import Progress
-from idim_iv_ros.simulation import mass_matrix
+from idim_iv_ros.simulation import joint_inertia
 from idim_iv_ros.types import FloatArray
 
 # Kinds of segment; which effects each reveals is in the files of `effects/`.
@@ -114,18 +115,12 @@ def there_and_back(speed: FloatArray, plateau: float, ramp: float, rate: float) 
     continuous, zero at both ends, and 1.5 speed / ramp at most. Its length is
     speed · (plateau + ramp).
     """
-    rise, ramp = _phase(ramp, rate)
-    flat = np.zeros((max(round(plateau * rate), 1), 1))
-    level = np.vstack([3 * rise**2 - 2 * rise**3, flat + 1.0, 1.0 - 3 * rise**2 + 2 * rise**3])
-    slope = 6.0 * rise * (1.0 - rise) / ramp
-    slope = np.vstack([slope, flat, -slope])
-    up = ramp * (rise**3 - 0.5 * rise**4)
-    middle = 0.5 * ramp + np.arange(len(flat))[:, None] / rate
-    top = 0.5 * ramp + len(flat) / rate
-    way = np.vstack([up, middle, top + ramp * (rise - rise**3 + 0.5 * rise**4)])
-    far = top + 0.5 * ramp
-    way, level = np.vstack([way, far - way]), np.vstack([level, -level])
-    return np.stack([way, level, np.vstack([slope, -slope])]) * speed
+    rise, flat = len(_phase(ramp, rate)[0]), max(round(plateau * rate), 1)
+    knots = np.cumsum([0, rise, flat, rise, rise, flat, rise])
+    speeds = [0.0, 1.0, 1.0, 0.0, -1.0, -1.0, 0.0]
+    level = scipy.interpolate.CubicHermiteSpline(knots / rate, speeds, np.zeros(7))
+    time = np.arange(knots[-1])[:, None] / rate
+    return np.stack([level.antiderivative()(time), level(time), level(time, 1)]) * speed
 
 
 def waves(
@@ -145,8 +140,7 @@ def waves(
         position += a * np.sin(pulsation * time + p)
         velocity += a * pulsation * np.cos(pulsation * time + p)
         acceleration -= a * pulsation**2 * np.sin(pulsation * time + p)
-    distance = np.minimum(time, seconds - time)
-    window, slope, curvature = quintic(np.clip(distance / fade, 0.0, 1.0))
+    window, slope, curvature = quintic(np.clip(np.minimum(time, seconds - time) / fade, 0.0, 1.0))
     first, second = np.where(time <= seconds / 2.0, 1.0, -1.0) / fade * slope, curvature / fade**2
     faded_velocity = window * velocity + first * position
     faded_acceleration = window * acceleration + 2.0 * first * velocity + second * position
@@ -189,8 +183,7 @@ def multisine(
     phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, used.shape)
     frequency = np.broadcast_to(lines, used.shape)
     level = np.where(used, 1.0 / frequency, 0.0)
-    total = flat + 2.0 * _FADE
-    shape = waves(level, frequency, phase, total, _FADE, rate)
+    shape = waves(level, frequency, phase, flat + 2.0 * _FADE, _FADE, rate)
     return Segment(
         "multisine",
         "multisine",
@@ -262,8 +255,7 @@ class DiagnosisPlanner:
         step = max(1, int(self.rate / (_SAMPLES_PER_PERIOD * highest)))
         position, velocity, acceleration = shape[:, ::step]
         position = self.posture + offset + position
-        joints = self.model.robot.joints
-        motion = Trajectory(joints, self.rate, position, velocity, acceleration)
+        motion = Trajectory(self.model.robot.joints, self.rate, position, velocity, acceleration)
         return limit_use(self.model.robot, self.limits, motion).within(self.limits)
 
     def _fit(self, make: Callable[[float], Segment]) -> Segment:
@@ -306,9 +298,9 @@ class DiagnosisPlanner:
         plateau = max(seconds / 2.0 - 2.0 * ramp, ramp)
         names = ("range_sweep_same_direction", "range_sweep_opposite_directions")
         for name, pattern in zip(names[: len(self.posture)], self._patterns, strict=False):
-            reach = pattern * self.limits.reach
 
-            def make(size: float, name: str = name, reach: FloatArray = reach) -> Segment:
+            def make(size: float, name: str = name, pattern: FloatArray = pattern) -> Segment:
+                reach = pattern * self.limits.reach
                 speed = 2.0 * size * reach / (plateau + ramp)
                 low = size * (self.limits.middle - self.posture - reach)
                 shape = there_and_back(speed, plateau, ramp, self.rate)
@@ -434,8 +426,7 @@ def design_diagnosis(
         posture = postures[np.argmax(frames.heights(postures).min(axis=1))]
     inertia = np.ones(len(posture))
     if limits.torque_checked:
-        mass = mass_matrix(model.robot, model.robot.given, posture[None])
-        inertia = np.diagonal(mass[0])
+        inertia = joint_inertia(model.robot, model.robot.given, posture[None])
     bandwidth, configured = loop_bandwidth(configuration.controller, inertia)
     configured &= limits.torque_checked or configuration.controller.type == "cascade"
     planner = DiagnosisPlanner(model, limits.narrowed(), posture, bandwidth, rate, seed)

@@ -14,6 +14,7 @@ from typing import Literal, TextIO
 
 import numpy as np
 
+from idim_iv_ros import files
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import DataError, UsageError
@@ -34,16 +35,7 @@ from idim_iv_ros.excitation.trajectory import (
     shortest_quintic,
     write_csv,
 )
-from idim_iv_ros.files import (
-    FILES,
-    FilePath,
-    as_file,
-    digests,
-    refused_if_unwritable,
-    require_file_place,
-    require_replaceable,
-    write_together,
-)
+from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress
 from idim_iv_ros.types import FloatArray
@@ -61,7 +53,7 @@ def require_place(out: FilePath, *, force: bool = False) -> None:
     """
     if Path(out).is_dir():
         raise UsageError(f"{out} is a folder; give another --out")
-    require_file_place(_files(out), force=force)
+    files.require_file_place(_files(out), force=force)
 
 
 def write_motion(
@@ -84,10 +76,10 @@ def write_motion(
     write_joint_trajectory(trajectory, message, rate=message_rate)
     table_file, message_file, figures = paths = _files(out)
     texts = {table_file: table.getvalue(), message_file: message.getvalue()}
-    signed = digests({path.name: text for path, text in texts.items()})
-    require_replaceable(paths, force=force)
-    with refused_if_unwritable(out):
-        write_together({**texts, figures: json_text({**document, FILES: signed})})
+    signed = files.digests({path.name: text for path, text in texts.items()})
+    files.require_replaceable(paths, force=force)
+    with files.refused_if_unwritable(out):
+        files.write_together({**texts, figures: json_text({**document, files.FILES: signed})})
     return paths
 
 
@@ -178,7 +170,7 @@ def _plain(value: object) -> object:
 
 def _files(out: FilePath) -> tuple[Path, ...]:
     """CSV, YAML and JSON, of ``run.csv`` and of ``run`` the same."""
-    out, endings = as_file(out), (".csv", ".yaml", ".json")
+    out, endings = files.as_file(out), (".csv", ".yaml", ".json")
     stem = out.stem if out.suffix in endings else out.name
     return tuple(out.with_name(f"{stem}{ending}") for ending in endings)
 
@@ -295,8 +287,7 @@ def random_motion(
     basis = FourierBasis(duration, round(_HIGHEST_FREQUENCY * duration))
     coefficients = random.normal(size=(basis.size, joints))
     posture = limits.middle + limits.half_range * random.uniform(-0.2, 0.2, joints)
-    time = np.arange(round(duration * rate) + 1) / rate
-    wave, slope, curve = basis.motion(time, coefficients)
+    wave, slope, curve = basis.motion(np.arange(round(duration * rate) + 1) / rate, coefficients)
     room = limits.room(posture)
     scale = np.minimum(room / np.abs(wave).max(axis=0), limits.velocity / np.abs(slope).max(axis=0))
     scale = np.minimum(scale, limits.acceleration / np.abs(curve).max(axis=0)) * limits.margin
@@ -464,9 +455,7 @@ def stop(
     Accelerations keep their limits; where the range of a joint ends before the robot could come to
     rest, it is asked for the end of the range.
     """
-    whole = float(np.max(np.abs(velocity) / limits.acceleration))
-    count = 20
-    duration = max(whole, 0.05)
+    count, duration = 20, max(float(np.max(np.abs(velocity) / limits.acceleration)), 0.05)
     time = np.linspace(0.0, duration, count + 1)[:, None]
     # Constant deceleration.
     share = 1.0 - time / duration

@@ -29,8 +29,7 @@ class InverseModel:
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, smooth: FloatArray | None = None
     ) -> FloatArray:
         """Base regressor (n_samples, n_joints, b) at states; arguments as of `regressor`."""
-        standard = self.regressor(q, dq, ddq, smooth)
-        return np.asarray(standard[:, :, self.base.columns])
+        return np.asarray(self.regressor(q, dq, ddq, smooth)[:, :, self.base.columns])
 
     def joint_matrices(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> list[FloatArray]:
         """Rows of each joint: (n_samples, c_j) with only the columns it depends on.
@@ -68,8 +67,7 @@ class InverseModel:
         kinds = {"prismatic": ("M",), "revolute": ("XX", "YY", "ZZ")}
         if any(parameter.kind == "Ia" for parameter in parameters):
             kinds = dict.fromkeys(kinds, ("Ia",))
-        types = self.robot.joint_types
-        unit = [float(one.kind in kinds[types[one.joint]]) for one in parameters]
+        unit = [float(one.kind in kinds[self.robot.joint_types[one.joint]]) for one in parameters]
         return self.base.from_standard(np.array(unit))
 
     def dynamic_parameters(self, values: FloatArray) -> DynamicParameters:
@@ -86,24 +84,20 @@ def configured_robot(configuration: Configuration, urdf: str, source: str) -> Ro
         matrix = getattr(configuration.robot, key)
         if matrix is not None and np.linalg.matrix_rank(np.array(matrix)) < len(matrix):
             raise UsageError(f"{configuration.source or 'configuration'}: robot.{key} is singular")
+    place = configuration.robot.joints.index
+    pairs = [coupling.joints for coupling in configuration.robot.couplings]
     robot = load_robot(
         urdf,
         configuration.robot.joints,
         gravity=configuration.robot.gravity,
         armature=configuration.simulator.armature,
-        couplings=_couplings(configuration),
+        couplings=[(place(first), place(second)) for first, second in pairs],
         name=configuration.robot.name,
         source=source,
     )
     if configuration.simulator.torque_offset is not None:
         robot.given.offset[:] = configuration.simulator.torque_offset
     return robot
-
-
-def _couplings(configuration: Configuration) -> list[tuple[int, int]]:
-    place = configuration.robot.joints.index
-    pairs = [coupling.joints for coupling in configuration.robot.couplings]
-    return [(place(first), place(second)) for first, second in pairs]
 
 
 def build_inverse_model(configuration: Configuration, urdf: str, source: str) -> InverseModel:
@@ -116,7 +110,7 @@ def build_inverse_model(configuration: Configuration, urdf: str, source: str) ->
         robot.joint_types,
         friction=configuration.identification.friction,
         drive_inertia=configuration.identification.drive_inertia,
-        couplings=_couplings(configuration),
+        couplings=[(a, b) for a, b in robot.given.coupling_joints.tolist()],
         effort_unit=configuration.signals.effort_unit,
     )
     regressor = StandardRegressor(robot, layout)

@@ -44,8 +44,7 @@ def link_frames(robot: RobotModel) -> LinkFrames:
         motion = jacobian.reshape(6, -1)[:, model.joints[joint].idx_v]
         axis = motion[3:] if np.linalg.norm(motion[3:]) > 0.5 else motion[:3]
         if axis[2] != 1.0:
-            helper = np.eye(3)[np.argmin(np.abs(axis))]
-            x = np.cross(helper, axis)
+            x = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
             x /= np.linalg.norm(x)
             turned[joint] = np.column_stack([x, np.cross(axis, x), axis])
         parent, placement = turned[model.parents[joint]], model.jointPlacements[joint]
@@ -80,21 +79,11 @@ def empty_motion(joints: int) -> LinkMotion:
 
 @kernel
 def turn(rotation: FloatArray, x: float, y: float, z: float) -> Vector:
-    """Product of a rotation and a vector."""
+    """Product of a rotation (its `T`: of the inverse) and a vector."""
     return (
         rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,
         rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
         rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
-    )
-
-
-@kernel
-def turn_back(rotation: FloatArray, x: float, y: float, z: float) -> Vector:
-    """Product of the inverse of a rotation and a vector."""
-    return (
-        rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z,
-        rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z,
-        rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z,
     )
 
 
@@ -128,10 +117,10 @@ def move_links(tree: LinkFrames, dq: FloatArray, ddq: FloatArray, work: LinkMoti
         b0 = work.acceleration[u, 0] + grad[0, 0] * p[0] + grad[0, 1] * p[1] + grad[0, 2] * p[2]
         b1 = work.acceleration[u, 1] + grad[1, 0] * p[0] + grad[1, 1] * p[1] + grad[1, 2] * p[2]
         b2 = work.acceleration[u, 2] + grad[2, 0] * p[0] + grad[2, 1] * p[1] + grad[2, 2] * p[2]
-        a0, a1, a2 = turn_back(rot, b0, b1, b2)
+        a0, a1, a2 = turn(rot.T, b0, b1, b2)
         spin, rate = work.spin[u], work.spin_rate[u]
-        w0, w1, w2 = turn_back(rot, spin[0], spin[1], spin[2])
-        d0, d1, d2 = turn_back(rot, rate[0], rate[1], rate[2])
+        w0, w1, w2 = turn(rot.T, spin[0], spin[1], spin[2])
+        d0, d1, d2 = turn(rot.T, rate[0], rate[1], rate[2])
         speed = dq[i - 1]
         if tree.revolute[i]:
             d0 += w1 * speed

@@ -77,8 +77,7 @@ def mujoco_reads(path: object) -> Iterator[None]:
     if any("NaN" in text for text in warned):
         raise UsageError(f"{path}: a number in it is NaN")
     if problem:
-        sentence = _PREFIXES.sub("", " ".join(problem.split()))
-        raise UsageError(f"{path}: {sentence}")
+        raise UsageError(f"{path}: {_PREFIXES.sub('', ' '.join(problem.split()))}")
 
 
 # Effects that an exported MJCF holds as elements of its own. A tuple of `custom` by this name lists
@@ -288,8 +287,7 @@ def _without_drawings(mujoco: Any, spec: Any) -> None:
             spec.delete(mesh)
     for site in (*spec.sites, *spec.tendons):
         site.material = ""
-    drawings = (spec.materials, spec.textures, spec.hfields, spec.skins, spec.sensors, spec.pairs)
-    for kind in drawings:
+    for kind in (spec.materials, spec.textures, spec.hfields, spec.skins, spec.sensors, spec.pairs):
         for member in list(kind):
             spec.delete(member)
 

@@ -4,7 +4,6 @@ Row j of the block of link i is the torque that joint j needs for the wrenches o
 each inertial parameter, turned to the axis of joint j as link i sees it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,17 +12,7 @@ import numpy as np
 
 from idim_iv_ros.compilation import entry, kernel, source_digest
 from idim_iv_ros.model import link_motion
-from idim_iv_ros.model.link_motion import (
-    LinkFrames,
-    LinkMotion,
-    Vector,
-    empty_motion,
-    link_frames,
-    move_links,
-    place_links,
-    turn,
-    turn_back,
-)
+from idim_iv_ros.model.link_motion import LinkFrames, LinkMotion, Vector, turn
 from idim_iv_ros.model.parameters import REGRESSOR_ORDER, ParameterLayout
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.types import FloatArray, IntArray
@@ -68,7 +57,7 @@ def joint_row(
     row[9] = u0 * w1 * w2 - u1 * w0 * w2 + u2 * d2
 
 
-def _entry(digest: str) -> Callable[..., Any]:
+def _entry(digest: str) -> Any:
     """Compile the function that Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
@@ -92,8 +81,8 @@ def _entry(digest: str) -> Callable[..., Any]:
         _ = digest
         samples, n = q.shape
         for sample in range(samples):
-            place_links(frames, q[sample], motion)
-            move_links(frames, dq[sample], ddq[sample], motion)
+            link_motion.place_links(frames, q[sample], motion)
+            link_motion.move_links(frames, dq[sample], ddq[sample], motion)
             for i in range(1, n + 1):
                 turned = frames.turned[i]
                 a, w, d = motion.acceleration[i], motion.spin[i], motion.spin_rate[i]
@@ -108,7 +97,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     # The axis of joint j is z of its frame: the third row of the rotation.
                     axis = turn(turned, pose[2, 0], pose[2, 1], pose[2, 2])
                     if frames.revolute[j]:
-                        slide = turn(turned, *turn_back(pose, -pose[1, 3], pose[0, 3], 0.0))
+                        slide = turn(turned, *turn(pose.T, -pose[1, 3], pose[0, 3], 0.0))
                     else:
                         axis, slide = (0.0, 0.0, 0.0), axis
                     joint_row(axis, slide, acceleration, spin, rate, row)
@@ -117,8 +106,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                     ascend(motion.rotation[j], motion.translation[j], pose)
                     j = frames.parent[j]
 
-    compiled: Callable[..., Any] = columns
-    return compiled
+    return columns
 
 
 inertial_columns = _entry(source_digest(link_motion))
@@ -146,7 +134,7 @@ class StandardRegressor:
         inertial_columns(
             self._frames,
             *motion,
-            empty_motion(joints),
+            link_motion.empty_motion(joints),
             np.empty((3, 4)),
             np.empty(10),
             self._inertial_places,
@@ -158,7 +146,7 @@ class StandardRegressor:
 
     @cached_property
     def _frames(self) -> LinkFrames:
-        return link_frames(self.robot)
+        return link_motion.link_frames(self.robot)
 
     @cached_property
     def _inertial_places(self) -> IntArray:
@@ -175,19 +163,16 @@ class StandardRegressor:
             return np.asarray(np.sign(speed) if smooth is None else np.tanh(speed / smooth[joint]))
 
         pairs = {pair[1]: pair[0] for pair in self.layout.coupling_joints}
+        signals = {"Ia": ddq, "Fv": dq, "off": np.ones_like(dq)}
         for column, parameter in enumerate(self.layout.parameters):
             joint, kind = parameter.joint, parameter.kind
-            if kind == "Ia":
-                matrix[:, joint, column] = ddq[:, joint]
-                if joint in pairs:
-                    matrix[:, joint, column] += ddq[:, pairs[joint]]
-                    matrix[:, pairs[joint], column] = ddq[:, joint]
-            elif kind == "Fv":
-                matrix[:, joint, column] = dq[:, joint]
+            if kind in signals:
+                matrix[:, joint, column] = signals[kind][:, joint]
+            if kind == "Ia" and joint in pairs:
+                matrix[:, joint, column] += ddq[:, pairs[joint]]
+                matrix[:, pairs[joint], column] = ddq[:, joint]
             elif kind == "Fc":
                 matrix[:, joint, column] = sign(dq[:, joint], joint)
-            elif kind == "off":
-                matrix[:, joint, column] = 1.0
             elif kind == "Fvm":
                 matrix[:, pairs[joint], column] = dq[:, joint]
                 matrix[:, joint, column] = dq[:, pairs[joint]]

@@ -26,15 +26,12 @@ _NO_LIMIT = 1e9  # rad, rad/s, N m (m, m/s, N): a limit as large stands for none
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of the URDF, (n_joints,) each; infinite where it gives none.
+    """Limits of the URDF, (n_joints,) each; infinite where it gives none."""
 
-    Position in rad or m, velocity in rad/s or m/s, effort in N m or N.
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
+    lower: FloatArray  # rad (m)
+    upper: FloatArray  # rad (m)
+    velocity: FloatArray  # rad/s (m/s)
+    effort: FloatArray  # N m (N)
 
 
 @dataclass(frozen=True)
@@ -217,8 +214,7 @@ def kinematics_digest(robot: RobotModel) -> str:
     model = robot.pinocchio
     parts = [*robot.joints, *robot.joint_types, *map(str, robot.order), *map(str, model.parents)]
     for place, joint in zip(model.jointPlacements[1:], model.joints[1:], strict=True):
-        axis = np.ravel(joint.createData().S)
-        numbers = np.concatenate([place.homogeneous[:3].ravel(), axis])
+        numbers = np.concatenate([place.homogeneous[:3].ravel(), np.ravel(joint.createData().S)])
         # Adding zero: no negative zeros.
         parts += [f"{number:.{_DIGITS}f}" for number in np.round(numbers, _DIGITS) + 0.0]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -369,12 +369,10 @@ class _Reader:
         beyond: dict[str, Any] = {}
         extension, mimic = element.find(EXTENSION), element.find("mimic")
         if extension is not None:
-            numbers = ("armature", "rest")
-            beyond = {key: self._number(extension, key, where, "0") for key in numbers}
+            beyond = {key: self._number(extension, key, where, "0") for key in ("armature", "rest")}
             beyond |= {key: extension.get(key, "") for key in ("tied", "beyond")}
         elif mimic is not None:
-            followed = quoted(mimic.get("joint", "another"))
-            beyond["tied"] = f"made to follow {followed} by <mimic>"
+            beyond["tied"] = f"made to follow {quoted(mimic.get('joint', 'another'))} by <mimic>"
         return UrdfJoint(
             name=name,
             type=joint_type,

@@ -13,6 +13,7 @@ recording decides what it shows, and the divergence from the nominal model the r
 
 import time
 from collections.abc import Callable, Collection, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtrc
@@ -56,14 +57,11 @@ class Judge:
 
     def __init__(self, rows: Sequence[JointRows], parameters: int, sigma: FloatArray):
         self._parameters, self._sigma = parameters, sigma
-        ends = [np.linspace(0, len(joint.torque), _PARTS + 1).astype(np.int64) for joint in rows]
-        self._parts = [
-            [
-                joint.part(slice(*end[k : k + 2])).reduced
-                for joint, end in zip(rows, ends, strict=True)
-            ]
-            for k in range(_PARTS)
-        ]
+        quarters = []
+        for joint in rows:
+            ends = np.linspace(0, len(joint.torque), _PARTS + 1).astype(np.int64)
+            quarters.append([joint.part(slice(*both)).reduced for both in pairwise(ends)])
+        self._parts = list(zip(*quarters, strict=True))
 
     def __call__(
         self, projection: Projection, estimate: FloatArray, consistent: FloatArray
@@ -163,8 +161,7 @@ def nearest_physical(
     # The estimate, split as the nominal model splits it: drives and friction keep their place.
     start = coordinates.reference
     start[10 * len(coordinates.links) :] = nominal
-    missing = values[shown] - group[shown] @ start
-    change, *_ = np.linalg.lstsq(group[shown], missing, rcond=None)
+    change, *_ = np.linalg.lstsq(group[shown], values[shown] - group[shown] @ start, rcond=None)
     before = coordinates.to_standard @ (start + change)
     links = []
     for joint, link, place in zip(robot.joints, coordinates.links, coordinates.places, strict=True):
@@ -183,15 +180,10 @@ def nearest_physical(
     sources: list[Source] = ["recording" if yes else "recording and nominal model" for yes in alone]
     for k in np.flatnonzero(~np.any(rows, axis=0)):
         sources[k] = "nominal model"
-    active = (
-        *(link.joint for link in links if link.active),
-        # What a bound holds at zero, of what the recording shows.
-        *(
-            base.layout.names[k]
-            for k in coordinates.drives[bounded]
-            if np.any(base.grouping[:, k]) and standard[k] == 0.0
-        ),
-    )
+    # What a bound holds at zero, of what the recording shows.
+    at_zero = (standard == 0.0) & np.any(base.grouping, axis=0)
+    zeros = [base.layout.names[k] for k in coordinates.drives[bounded] if at_zero[k]]
+    active = (*(link.joint for link in links if link.active), *zeros)
     named = zip(base.layout.names, standard, strict=True)
     below = [name for name, value in named if name in shared and value < 0.0]
     distance = float(np.sum((root @ (consistent - values)[shown]) ** 2))

@@ -104,8 +104,7 @@ def upper_root(matrix: FloatArray) -> FloatArray:
 
     Raises numpy.linalg.LinAlgError: it is not positive definite.
     """
-    flipped = np.linalg.cholesky(matrix[::-1, ::-1])
-    return np.asarray(flipped[::-1, ::-1])
+    return np.asarray(np.linalg.cholesky(matrix[::-1, ::-1])[::-1, ::-1])
 
 
 @dataclass(frozen=True)
@@ -175,7 +174,6 @@ class ConicProblem:
     scale: FloatArray  # (k,): s; infinity leaves a parameter to the data
     bounded: BoolArray  # (k,): which of d are not negative
     weights: FloatArray  # (n,): λ of each link
-    least: float = LEAST_OF_NOMINAL  # ε
 
     def solve(self) -> FloatArray:
         """Return the x (10 n + k,) that solves the problem.
@@ -220,8 +218,7 @@ class ConicProblem:
         # The large matrix of a link taken apart into cliques stalls: four of 200 recordings.
         settings.chordal_decomposition_enable = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        quadratic = sparse.diags(diagonal, format="csc")
-        problem = (quadratic, linear, matrix, right, cones, settings)
+        problem = (sparse.diags(diagonal, format="csc"), linear, matrix, right, cones, settings)
         solution = clarabel.DefaultSolver(*problem).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             raise DataError(
@@ -234,23 +231,18 @@ class ConicProblem:
         """Constraints of a link: J̃ ≽ ε 1, and the variables whose sum is log det J̃."""
         shown, unknowns = self.matrix.shape
         first, roots = _SIZE * link, unknowns + shown + link * (_SIZE + 4)
-        place = {pair: k for k, pair in enumerate(TRIANGLE)}
-
-        def entry(row: int, column: int) -> int | None:
-            """Variable at an entry of the large matrix, row ≤ column; None where it is zero."""
-            if column < 4:
-                return first + place[column, row]
-            if row < 4:  # Z, lower triangular
-                return roots + place[row, column - 4] if row >= column - 4 else None
-            return roots + place[row - 4, row - 4] if row == column else None
-
-        for size, diagonal in ((4, -self.least), (8, 0.0)):
+        # Variables at the entries of the large matrix, row ≤ column; -1 where it is zero.
+        large = np.full((8, 8), -1)
+        for k, (row, column) in enumerate(TRIANGLE):  # J̃ is symmetric, and Z lower triangular
+            large[column, row], large[row, 4 + column] = first + k, roots + k
+        diagonal = range(4, 8)
+        large[diagonal, diagonal] = large[range(4), diagonal]
+        for size, least in ((4, -LEAST_OF_NOMINAL), (8, 0.0)):
             for column in range(size):
-                for row in range(column + 1):
-                    variable, factor = entry(row, column), -1.0 if row == column else -_ROOT
-                    factors = {} if variable is None else {variable: factor}
-                    yield factors, diagonal if row == column else 0.0
-        for k in range(4):  # t ≤ log z
-            yield {roots + _SIZE + k: -1.0}, 0.0
+                for row, variable in enumerate(large[: column + 1, column].tolist()):
+                    factor = -1.0 if row == column else -_ROOT
+                    yield {variable: factor} if variable >= 0 else {}, least * (row == column)
+        for k, root in zip(range(4), large[diagonal, diagonal].tolist(), strict=True):
+            yield {roots + _SIZE + k: -1.0}, 0.0  # t ≤ log z
             yield {}, 1.0
-            yield {roots + place[k, k]: -1.0}, 0.0
+            yield {root: -1.0}, 0.0

@@ -38,7 +38,12 @@ _MOST_STEPS = 300
 
 @dataclass(frozen=True)
 class Remainder:
-    """Numbers of links, loads and drives of greatest posterior probability."""
+    """Numbers of links, loads and drives of greatest posterior probability, and what they may be.
+
+    The estimate leaves open one relative size for all links and one for all drives, of maximum
+    evidence and at least 1 %: links of one nominal model are about as good, also those that no
+    motion shows.
+    """
 
     standard: FloatArray  # (p,): standard parameters of the robot without its loads
     loads: tuple[FloatArray, ...]  # XX … M of each
@@ -46,22 +51,11 @@ class Remainder:
     # stay
     links: FloatArray
     drives: FloatArray
-    uncertainty: "Uncertainty"
-
-
-@dataclass(frozen=True)
-class Uncertainty:
-    """What the estimate leaves open of links, loads and drives.
-
-    One relative size for all links and one for all drives, of maximum evidence and at least 1 %:
-    links of one nominal model are about as good, also those that no motion shows.
-    """
-
     coordinates: Coordinates  # Links and loads of the maximum as references
     # (q, q): lower triangular; root @ root.T is the covariance of x of these coordinates
     root: FloatArray
-    link: float  # Relative size
-    drive: float  # Relative size
+    open_links: float  # Relative size
+    open_drives: float  # Relative size
 
 
 @dataclass(frozen=True)
@@ -152,7 +146,10 @@ def spread_remainder(
         loads=estimated,
         links=sizes[:joints],
         drives=sizes[joints:],
-        uncertainty=Uncertainty(after, lower_root(spread), float(link), float(drive)),
+        coordinates=after,
+        root=lower_root(spread),
+        open_links=float(link),
+        open_drives=float(drive),
     )
 
 
@@ -201,8 +198,7 @@ def _sizes(matrix: FloatArray, missing: FloatArray, prior: _Prior, groups: int) 
     """Relative sizes (groups,) of maximum evidence; `missing`: R(β̂ − Kπ) of the model."""
     sizes = np.full(groups, USUAL_ERROR)
     most = np.where(np.arange(groups) < groups // 2, USUAL_ERROR, 1.0)
-    has_prior = np.bincount(prior.groups[~prior.free], minlength=groups) > 0
-    sizes[~has_prior] = 0.0
+    sizes[np.bincount(prior.groups[~prior.free], minlength=groups) == 0] = 0.0  # without a prior
     for _ in range(_MOST_STEPS):
         variances = prior.variances(sizes)
         spread = np.linalg.inv(np.eye(len(missing)) + (matrix * variances) @ matrix.T)

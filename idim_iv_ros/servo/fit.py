@@ -70,17 +70,13 @@ class Run(Motion):
         accelerations, column = self.acceleration.copy(), slice(joint, joint + 1)
         accelerations[:, joint] = 0.0
         coupled = np.einsum("sk,sk->s", self.load.mass[:, joint], accelerations)
+        mass, torque, slope, position = (part[:, column] for part in self.load)
         return replace(
             self,
             command=self.command[:, column],
             position=self.position[:, column],
             valid=self.valid[:, column],
-            load=Load(
-                self.load.mass[:, column, column],
-                self.load.torque[:, column] + coupled[:, None],
-                self.load.slope[:, column],
-                self.load.position[:, column],
-            ),
+            load=Load(mass[:, :, column], torque + coupled[:, None], slope, position),
             acceleration=None,
         )
 
@@ -129,8 +125,7 @@ class DriveEstimate:
 
 def residuals(runs: Sequence[Run], drives: FloatArray | Drive) -> FloatArray:
     """Measured less simulated positions of all runs where they are compared, (n,) rad."""
-    parts = [(run.position - run.simulated(drives))[run.used] for run in runs]
-    joined = np.concatenate(parts)
+    joined = np.concatenate([(run.position - run.simulated(drives))[run.used] for run in runs])
     return np.asarray(np.nan_to_num(joined, nan=_LARGE, posinf=_LARGE, neginf=-_LARGE))
 
 
@@ -292,8 +287,7 @@ def ordinary_least_squares(runs: Sequence[Run], *, delay: float | None = None) -
             place = samples - late * run.rate - 0.5
             late_command = np.interp(place, samples, run.command[:, 0])[:, None]
             error, _, _ = smooth_motion(run.gain * (late_command - run.position), run.rate)
-            torque = asked_torque(run, q, a)
-            rows = np.column_stack([torque, a, v, np.sign(v), np.ones(len(q))])
+            rows = np.column_stack([asked_torque(run, q, a), a, v, np.sign(v), np.ones(len(q))])
             moving = run.used & (np.abs(v) > _MOVING * np.abs(v).max(initial=0.0))
             columns.append(rows[moving[:, 0]])
             errors.append(error[moving])

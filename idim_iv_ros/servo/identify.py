@@ -16,25 +16,14 @@ from idim_iv_ros.model.inverse_model import configured_robot
 from idim_iv_ros.model.robot import RobotModel
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.recording import Recording
-from idim_iv_ros.servo.fit import (
-    LARGEST_ANGLE,
-    PARAMETERS,
-    DriveEstimate,
-    Motion,
-    Run,
-    fit_drive,
-    fit_factor,
-    fit_servos,
-    present_parameters,
-    residuals,
-)
+from idim_iv_ros.servo import fit
+from idim_iv_ros.servo.fit import LARGEST_ANGLE, PARAMETERS, DriveEstimate, Motion, Run
 from idim_iv_ros.servo.result import GainCheck, ServoJoint, ServoNumber, ServoResult, ServoSeries
 from idim_iv_ros.signals.joint_side import joint_transform
 from idim_iv_ros.types import FloatArray
 
 _LEVEL = 0.95
-# Largest ratio of a standard deviation to 1 / K at which it may be divided by.
-_SHOWN = 1.0 / 3.0
+_SHOWN = 1.0 / 3.0  # Largest ratio of a standard deviation to 1 / K at which it may be divided by
 # Names and units of what a parameter is times the stiffness (none: of no use), and of itself.
 _NAMES = {
     "inertia": ("armature", "kg m²", "armature / stiffness", "s²"),
@@ -67,20 +56,18 @@ def absolute_numbers(answer: DriveEstimate, model_error: float) -> tuple[ServoNu
     covariance = answer.covariance.copy()
     covariance[0, 0] += (model_error * compliance) ** 2
     half = width * float(np.sqrt(covariance[0, 0]))
-    low, high = 1.0 / (compliance + half), np.inf
-    if half < compliance:
-        high = 1.0 / (compliance - half)
+    low = 1.0 / (compliance + half)
+    high = 1.0 / (compliance - half) if half < compliance else np.inf
     numbers = [
         ServoNumber(
             name="stiffness", unit="N m/rad", value=1.0 / compliance, low=low, high=high, shown=True
         )
     ]
     for kind, (name, unit, _, _) in _NAMES.items():
-        if not name:
-            continue
         value = getattr(answer.drive, kind)
         slopes = {"compliance": -value / compliance**2, kind: 1.0 / compliance}
-        numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
+        if name:
+            numbers.append(_number(name, unit, value / compliance, slopes, covariance, width))
     by_load = answer.drive.load_friction
     slopes = {"load_friction": 1.0}
     return (*numbers, _number("friction by load", "1", by_load, slopes, covariance, width))
@@ -175,7 +162,7 @@ def identify_servos(
             for recording, setting in zip(recordings, settings, strict=True)
         ]
         watch.stage("fit", 0.3)
-        fitted = fit_servos(motions, robot)
+        fitted = fit.fit_servos(motions, robot)
         watch.stage("held out", 0.7)
         joints = tuple(
             _joint(name, runs, answer, model_error)
@@ -259,10 +246,9 @@ def _joint(name: str, runs: Sequence[Run], answer: DriveEstimate, model_error: f
             "stiffness of the loop are known: add a known mass, or move where gravity acts"
         )
         start = answer.drive._replace(compliance=0.0, load_friction=0.0)
-        free = [parameter for parameter in present_parameters(start) if parameter != "compliance"]
-        answer = fit_drive(runs, start, free)
-    position = np.concatenate([run.position[run.valid] for run in runs])
-    steps = np.diff(np.unique(position))
+        free = [kind for kind in fit.present_parameters(start) if kind != "compliance"]
+        answer = fit.fit_drive(runs, start, free)
+    steps = np.diff(np.unique(np.concatenate([run.position[run.valid] for run in runs])))
     steps = steps[steps > 1e-7]
     asked = np.concatenate([(run.command - run.position)[run.used] for run in runs])
     return ServoJoint(
@@ -280,14 +266,14 @@ def _joint(name: str, runs: Sequence[Run], answer: DriveEstimate, model_error: f
 
 def _held_out(runs: Sequence[Run], answer: DriveEstimate) -> float:
     """Rms error of position, rad, at half the recordings after a fit to the other half."""
-    halves: tuple[list[Run], list[Run]] = ([], [])
+    parts = []
     for run in runs:
         early = np.arange(len(run.position))[:, None] < len(run.position) // 2
-        halves[0].append(replace(run, valid=run.valid & early))
-        halves[1].append(replace(run, valid=run.valid & ~early))
+        parts.append([replace(run, valid=run.valid & half) for half in (early, ~early)])
+    first, second = zip(*parts, strict=True)
     errors = [
-        residuals(others, fit_drive(fitted, answer.drive, answer.free).drive)
-        for fitted, others in (halves, halves[::-1])
+        fit.residuals(others, fit.fit_drive(fitted, answer.drive, answer.free).drive)
+        for fitted, others in ((first, second), (second, first))
     ]
     error = np.concatenate(errors)
     return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
@@ -298,13 +284,12 @@ def _gain_checks(
 ) -> Iterator[GainCheck]:
     """Compare the given gain of a recording with its estimate from all other recordings."""
     for tested, given in zip(runs, settings, strict=True):
-        others = [run for run in runs if run is not tested]
-        drive = fit_drive(others, answer.drive, answer.free)
+        drive = fit.fit_drive([run for run in runs if run is not tested], answer.drive, answer.free)
 
         def scaled(factor: float, run: Run = tested) -> Run:
             return replace(run, gain=factor * run.gain)
 
-        factor, std = fit_factor(scaled, drive)
+        factor, std = fit.fit_factor(scaled, drive)
         wide = interval_width(drive) * std
         low, high = given * max(factor - wide, 0.0), given * (factor + wide)
         yield GainCheck(

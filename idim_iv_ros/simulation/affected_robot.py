@@ -108,8 +108,7 @@ def completed_shaft(shaft: ShaftPart, reduced: float) -> tuple[ShaftPart, float]
     stiffness = min(stiffness, reduced * FASTEST**2)
     if np.isnan(damping):
         damping = 2.0 * FLANK_DAMPING * float(np.sqrt(stiffness * reduced))
-    complete = replace(shaft, stiffness=stiffness, damping=damping)
-    return complete, float(np.sqrt(stiffness / reduced))
+    return replace(shaft, stiffness=stiffness, damping=damping), float(np.sqrt(stiffness / reduced))
 
 
 def link_positions(
@@ -130,8 +129,7 @@ def link_positions(
     return link
 
 
-# A step is at most this over the pulsation of the fastest shaft, rad.
-SHAFT_ANGLE = 0.4
+SHAFT_ANGLE = 0.4  # A step is at most this over the pulsation of the fastest shaft, rad
 # Dry friction that bristles leave, as a share of the model's, at which a joint still sticks.
 STICKS = 1e-9
 _Row = tuple[int, int, Load, tuple[float, ...]]  # law, joint or contact, load, values
@@ -239,8 +237,7 @@ def effect_rows(added: JointContributions, place: IntArray, *, first_coupling: i
     contact = first_coupling
     for joint, _, part in added.items:
         if isinstance(part, TorqueTerm):
-            kind = TORQUE_LAWS.index(part.law)
-            torques.append((kind, int(place[joint]), part.load, part.values))
+            torques.append((TORQUE_LAWS.index(part.law), int(place[joint]), part.load, part.values))
         elif isinstance(part, CouplingTerm):
             torques.append((TORQUE_LAWS.index(part.law), contact, Load.LINKS, part.values))
             contact += 1

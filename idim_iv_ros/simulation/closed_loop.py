@@ -16,27 +16,20 @@ from idim_iv_ros.effects.control_law import ControlLaw
 from idim_iv_ros.model import DynamicParameters, RobotModel
 from idim_iv_ros.signals.filters import central_differences
 from idim_iv_ros.signals.motion import Motion
+from idim_iv_ros.simulation import closed_loop_kernel
 from idim_iv_ros.simulation.affected_robot import (
     affected_robot,
     encoder_error,
     link_positions,
     true_state,
 )
-from idim_iv_ros.simulation.closed_loop_kernel import (
-    COMPLETED,
-    SPEED_LIMIT,
-    TOO_FAST,
-    Loop,
-    Trace,
-    run_closed_loop,
-)
+from idim_iv_ros.simulation.closed_loop_kernel import SPEED_LIMIT, Loop, Trace
 from idim_iv_ros.simulation.effect_kernel import Effects
 from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
 from idim_iv_ros.simulation.plant import initial_state, plant, workspace
 from idim_iv_ros.types import FloatArray
 
-# Longest plant step when the caller gives none, s.
-PLANT_STEP = 0.5e-3
+PLANT_STEP = 0.5e-3  # Longest plant step when the caller gives none, s
 
 
 @dataclass(frozen=True)
@@ -138,16 +131,15 @@ def simulate_closed_loop(
     accelerated = np.zeros((samples if accelerations else 0, coordinates))
     motion, torques = np.zeros((2, samples, coordinates)), np.zeros((2, samples, joints))
     trace = Trace._make([*motion, accelerated, *torques])
-    outcome, coordinate, recorded, time = run_closed_loop(
+    outcome, coordinate, recorded, time = closed_loop_kernel.run_closed_loop(
         dynamics, arrays, loop, state, trace, workspace(dynamics)
     )
     diverged = None
-    if outcome == TOO_FAST:
+    if outcome == closed_loop_kernel.TOO_FAST:
         joint = robot.order[coordinate] if coordinate < joints else behind[coordinate - joints]
         unit = "rad/s" if robot.joint_types[joint] == "revolute" else "m/s"
-        name = robot.joints[joint]
-        diverged = f"joint {name} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
-    elif outcome != COMPLETED:
+        diverged = f"joint {robot.joints[joint]} passed {SPEED_LIMIT:g} {unit} at {time:.3f} s"
+    elif outcome != closed_loop_kernel.COMPLETED:
         diverged = f"the mass matrix is not positive definite at {time:.3f} s"
     place = np.argsort(robot.order)
     position, speed, acceleration, torque, applied = (

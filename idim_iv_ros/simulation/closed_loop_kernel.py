@@ -11,7 +11,6 @@ contact is then at rest, and the remainder of the step is integrated anew.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,21 +20,13 @@ from idim_iv_ros.effects import registry
 from idim_iv_ros.model import link_motion
 from idim_iv_ros.model.link_motion import place_links
 from idim_iv_ros.simulation import dry_friction, effect_kernel, rigid_body
-from idim_iv_ros.simulation.dry_friction import accelerate, factorise, slip
-from idim_iv_ros.simulation.effect_kernel import (
-    Effects,
-    acting_torque,
-    advance_states,
-    effect_torques,
-    measure,
-    states_turn,
-)
+from idim_iv_ros.simulation.dry_friction import accelerate, copy, factorise, slip
+from idim_iv_ros.simulation.effect_kernel import Effects, acting_torque
 from idim_iv_ros.simulation.plant import Plant, State, Workspace
 from idim_iv_ros.simulation.rigid_body import composite_rigid_body, newton_euler
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
-# Slip speeds that cross zero within this fraction of a step cross together.
-TOGETHER = 1e-9
+TOGETHER = 1e-9  # Slip speeds that cross zero within this fraction of a step cross together
 
 
 @kernel
@@ -69,8 +60,7 @@ def prepare(
                 load -= plant.damping[i, j] * dq[j]
                 work.mass[i, j] += plant.drive_inertia[i, j] + 0.5 * step * plant.damping[i, j]
             work.load[i] = load
-        positive: bool = factorise(work.mass, work.factor)
-        return positive
+        return bool(factorise(work.mass, work.factor))
     n = effects.link.shape[0]
     for i in range(n):
         effects.link_q[i] = q[effects.link[i]]
@@ -84,7 +74,7 @@ def prepare(
         for j in range(n):
             effects.load[i] += effects.rigid_mass[i, j] * ddq[effects.link[j]]
             effects.inertial[i] += plant.drive_inertia[i, j] * ddq[j]
-    effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
+    effect_kernel.effect_torques(plant, effects, time, q, predicted, dq, mode, work.holding, step)
     for i in range(q.shape[0]):
         load = -plant.offset[i] - effects.force[i]
         if i < n:
@@ -98,8 +88,7 @@ def prepare(
         work.load[effects.link[i]] -= work.bias[i]
         for j in range(n):
             work.mass[effects.link[i], effects.link[j]] += effects.rigid_mass[i, j]
-    positive = factorise(work.mass, work.factor)
-    return positive
+    return bool(factorise(work.mass, work.factor))
 
 
 @kernel
@@ -123,7 +112,7 @@ def advance(
         if not prepare(*instant):
             return False
         accelerate(plant, state.resting, mode, work, ddq)
-        if effects is not None and states_turn(effects.rows, dq, ddq, left):
+        if effects is not None and effect_kernel.states_turn(effects.rows, dq, ddq, left):
             prepare(*instant)
             accelerate(plant, state.resting, mode, work, ddq)
         fraction = _first_crossing(plant, state, left, work.crossing)
@@ -136,7 +125,7 @@ def advance(
                 state.resting[c] = work.crossing[c] <= fraction + TOGETHER
         part = fraction * left
         if effects is not None:
-            advance_states(effects.rows, dq, ddq, part)
+            effect_kernel.advance_states(effects.rows, dq, ddq, part)
         for i in range(n):
             q[i] += part * (dq[i] + 0.5 * part * ddq[i])
             dq[i] += part * ddq[i]
@@ -191,43 +180,35 @@ def _stop(plant: Plant, resting: BoolArray, dq: FloatArray) -> None:
 
 COMPLETED, NOT_POSITIVE_DEFINITE, TOO_FAST = 0, 1, 2
 
-# Speed (rad/s or m/s) above which a simulation has diverged.
-SPEED_LIMIT = 1e3
+SPEED_LIMIT = 1e3  # Speed (rad/s or m/s) above which a simulation has diverged
 
 
 class Loop(NamedTuple):
-    """Control law as one PID with feedforward, and the instants of the loop, joints in tree order.
+    """Control law as one PID with feedforward, and instants of the loop; joints in tree order."""
 
-    kp, kd, ki, limit : (n,); position, velocity, feedforward, disturbance : (n_samples, n) at
-    `rate` (Hz); delay, lag : (n,) s; period, plant_step : s; speed_factor : of the filter of
-    differences that the law takes for the speed, 0 for the exact one.
-    """
-
-    kp: FloatArray
+    kp: FloatArray  # (n,), as the next three
     kd: FloatArray
     ki: FloatArray
     limit: FloatArray
-    position: FloatArray
+    position: FloatArray  # (n_samples, n) at `rate`, as the next three
     velocity: FloatArray
     feedforward: FloatArray
     disturbance: FloatArray
-    rate: float
-    period: float
-    delay: FloatArray
-    lag: FloatArray
-    plant_step: float
+    rate: float  # Hz
+    period: float  # s
+    delay: FloatArray  # (n,) s
+    lag: FloatArray  # (n,) s
+    plant_step: float  # s
+    # Of the filter of differences that the law takes for the speed, 0 for the exact one
     speed_factor: float
 
 
 class Trace(NamedTuple):
-    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows.
-
-    `acceleration` has no rows where it is not asked for.
-    """
+    """What the loop records, (n_samples, n) each; motion of the links behind shafts follows."""
 
     position: FloatArray
     velocity: FloatArray
-    acceleration: FloatArray
+    acceleration: FloatArray  # No rows where it is not asked for
     commanded: FloatArray
     applied: FloatArray
 
@@ -262,13 +243,6 @@ def command(
 
 
 @kernel
-def copy(source: FloatArray, target: FloatArray) -> None:
-    """Copy values: numba takes a second to compile the assignment of a slice."""
-    for i in range(source.shape[0]):
-        target[i] = source[i]
-
-
-@kernel
 def _send(
     loop: Loop, state: State, time: float, controls: int, q: FloatArray, dq: FloatArray
 ) -> None:
@@ -299,7 +273,7 @@ def control(effects: Effects | None, loop: Loop, state: State, time: float, cont
     if effects is None:
         _send(loop, state, time, controls, state.q, state.dq)
     else:
-        measure(effects.rows, state.q, state.dq, effects.measured)
+        effect_kernel.measure(effects.rows, state.q, state.dq, effects.measured)
         _send(loop, state, time, controls, effects.measured[0], effects.measured[1])
     if controls == 0:
         for i in range(row.shape[0]):
@@ -330,8 +304,7 @@ def record(
         trace.applied[recorded, i] = 0.5 * (state.before[i] + state.acting[i])
     if effects is None and recorded > 0 and trace.acceleration.shape[0] == 0:
         return True
-    for c in range(state.mode.shape[0]):
-        state.spare_mode[c] = state.mode[c]
+    copy(state.mode, state.spare_mode)
     copy(state.ddq, state.spare)
     mean = trace.applied[recorded]
     # With effects twice: friction may depend on the load, and that on the acceleration.
@@ -348,7 +321,7 @@ def record(
     return True
 
 
-def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def _entries(digest: str) -> tuple[Any, Any]:
     """Compile the functions that Python calls; `digest` is part of their key in numba's cache."""
 
     @entry

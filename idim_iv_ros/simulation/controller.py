@@ -228,8 +228,7 @@ def _fit_joint(
         (solution, residual), energy = fits[best], energies[best]
     correlation = float(residual[1:] @ residual[:-1]) / max(energy, 1e-300)
     inflation = (1.0 + min(correlation, 0.999)) / max(1.0 - correlation, 1e-3)
-    freedom = max(len(target) - len(chosen), 1)
-    variance = energy / freedom * max(inflation, 1.0)
+    variance = energy / max(len(target) - len(chosen), 1) * max(inflation, 1.0)
     inverse = np.linalg.pinv(columns[:, chosen].T @ columns[:, chosen])
     gains, std = np.zeros(columns.shape[1]), np.zeros(columns.shape[1])
     included = np.zeros(columns.shape[1], dtype=bool)

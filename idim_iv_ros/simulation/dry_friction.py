@@ -16,6 +16,13 @@ DEPENDENT = 1e-10
 
 
 @kernel
+def copy(source: FloatArray | IntArray, target: FloatArray | IntArray) -> None:
+    """Copy values: numba takes a second to compile the assignment of a slice."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
 def factorise(matrix: FloatArray, factor: FloatArray) -> bool:
     """Lower Cholesky factor with inverted diagonal; False where it does not exist."""
     n = matrix.shape[0]
@@ -52,11 +59,10 @@ def solve(factor: FloatArray, vector: FloatArray) -> None:
 @kernel
 def slip(contacts: Contacts, contact: int, speed: FloatArray) -> float:
     """Slip speed of a contact; slip acceleration where `speed` is an acceleration."""
-    one: float = speed[contacts.first[contact]]
+    one = float(speed[contacts.first[contact]])
     if contacts.second[contact] < 0:
         return one
-    other: float = contacts.direction[contact] * speed[contacts.second[contact]]
-    return one + other
+    return one + float(contacts.direction[contact] * speed[contacts.second[contact]])
 
 
 @kernel
@@ -148,14 +154,13 @@ def accelerate(
     holding torque is within its level, else it breaks away along the excess: a convex problem
     with one solution, found by changing one contact at a time (the worst, later the first).
     """
-    n, contacts = ddq.shape[0], mode.shape[0]
+    contacts = mode.shape[0]
     for c in range(contacts):
         if resting[c]:
             mode[c] = 0
     for attempt in range(20 + 10 * contacts):
         stuck = False
-        for i in range(n):
-            ddq[i] = work.load[i]
+        copy(work.load, ddq)
         for c in range(contacts):
             if plant.level[c] > 0.0 and mode[c] != 0:
                 push(plant.contacts, c, -mode[c] * plant.level[c], ddq)

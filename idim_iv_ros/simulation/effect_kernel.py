@@ -16,7 +16,7 @@ import numpy as np
 from idim_iv_ros.compilation import dispatcher, kernel
 from idim_iv_ros.effects.contribution import LEAST_SPEED, Instant, Load, Torque
 from idim_iv_ros.effects.registry import DRIVE_LAWS, ENCODER_LAWS, TORQUE_LAWS
-from idim_iv_ros.simulation.dry_friction import slip
+from idim_iv_ros.simulation.dry_friction import copy, slip
 from idim_iv_ros.simulation.plant import Plant
 from idim_iv_ros.types import BoolArray, FloatArray, IntArray
 
@@ -133,8 +133,7 @@ def effect_torques(
     `q`, `speed` are half a step ahead, `dq` is the velocity at the start. A joint at rest is
     judged by the direction in which the last step's torque would move it (`holding`).
     """
-    for c in range(effects.level.shape[0]):
-        plant.level[c] = effects.level[c]
+    copy(effects.level, plant.level)
     for i in range(effects.force.shape[0]):
         effects.force[i] = 0.0
         for j in range(effects.force.shape[0]):
@@ -146,10 +145,8 @@ def effect_torques(
         w = slip(plant.contacts, c, speed)
         if effects.dry[c] and (mode[c] != 0 or c >= n):
             sign = float(mode[c])
-        elif effects.dry[c]:
-            sign = np.sign(holding[c])
         else:
-            sign = np.sign(w)
+            sign = np.sign(holding[c] if effects.dry[c] else w)
         position = velocity = load = 0.0
         if c < n:
             position, velocity, load = q[c], dq[c], effects.load[c]

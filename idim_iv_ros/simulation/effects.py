@@ -116,8 +116,7 @@ def _completed(
         place = value if term is None else numbered.setdefault(int(term[1]), {})
         place[spec.name] = float(number)
     for spec in cause.specs:
-        groups = numbered if spec.name.endswith("_k") else {0: value}
-        for number_of, group in groups.items():
+        for number_of, group in (numbered if spec.name.endswith("_k") else {0: value}).items():
             if spec.default is None and spec.name not in group:
                 missing = spec.name.replace("_k", f"_{number_of}")
                 raise UsageError(f"{name}: {missing} is missing")

@@ -134,8 +134,7 @@ def plant(robot: RobotModel, parameters: DynamicParameters, *, dissipative: bool
     damping = np.diag(np.maximum(viscous, 0.0) if dissipative else viscous)
     for pair, (a, b) in enumerate(zip(first[n:], second[n:], strict=True)):
         bound = np.sqrt(max(viscous[a], 0.0) * max(viscous[b], 0.0)) if dissipative else np.inf
-        coupling = np.clip(parameters.coupling_viscous[pair], -bound, bound)
-        damping[a, b] = damping[b, a] = coupling
+        damping[a, b] = damping[b, a] = np.clip(parameters.coupling_viscous[pair], -bound, bound)
         drive_inertia[a, b] = drive_inertia[b, a] = parameters.coupling_inertia[pair]
     return Plant(
         frames=frames,

@@ -52,7 +52,6 @@ def record_simulated_robot(
     stamp_jitter: float = 0.0,
     plant_oversampling: int = 4,
     effects: Sequence[SimulatedEffect] | None = None,
-    start_time: float = 0.0,
 ) -> SimulatedRecording:
     """Simulate a robot from rest on its reference, and record it.
 
@@ -70,8 +69,7 @@ def record_simulated_robot(
     - `stamp_jitter`: standard deviation of the stamps, s, held below 0.45 sample periods so that
       their order stays
     - `plant_oversampling`: plant steps in a control period (more where they would exceed 0.5 ms)
-    - `effects`, `start_time`: see `simulate_closed_loop`; what is recorded is what the encoders
-      show
+    - `effects`: see `simulate_closed_loop`; what is recorded is what the encoders show
 
     Raises ValueError: the control period does not divide the sample period.
     """
@@ -91,7 +89,11 @@ def record_simulated_robot(
     if np.any(np.asarray(disturbance) > 0.0):
         random = np.random.default_rng([seed, _DISTURBANCE])
         white = random.normal(size=(len(fine_position) + 1, position_reference.shape[1]))
-        drift = _low_pass(white, disturbance_bandwidth, rate * ratio) * disturbance
+        # First-order noise of unit variance from its first sample on.
+        pole = math.exp(-2.0 * math.pi * disturbance_bandwidth / (rate * ratio))
+        gain, before = math.sqrt(1.0 - pole**2), pole * white[:1]
+        noise, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=before)
+        drift = noise * disturbance
     truth = simulate_closed_loop(
         robot,
         parameters,
@@ -104,7 +106,6 @@ def record_simulated_robot(
         disturbance=drift,
         plant_step=period / steps,
         effects=effects,
-        start_time=start_time,
     )
     rng = np.random.default_rng(seed)
     position = truth.measured_position[::ratio].copy()
@@ -134,16 +135,6 @@ def record_simulated_robot(
 
 def _refined(signal: FloatArray, ratio: int) -> FloatArray:
     """Linear interpolation at `ratio` points for each sample, (ratio (n - 1) + 1, n_joints)."""
+    samples = np.arange(len(signal))
     place = np.arange(ratio * (len(signal) - 1) + 1) / ratio
-    before = np.minimum(place.astype(int), max(len(signal) - 2, 0))
-    after = np.minimum(before + 1, len(signal) - 1)
-    weight = (place - before)[:, None]
-    return np.asarray((1.0 - weight) * signal[before] + weight * signal[after])
-
-
-def _low_pass(white: FloatArray, bandwidth: float, rate: float) -> FloatArray:
-    """First-order noise of unit variance from its first sample on, one sample fewer."""
-    pole = math.exp(-2.0 * math.pi * bandwidth / rate)
-    gain = math.sqrt(1.0 - pole**2)
-    filtered, _ = scipy.signal.lfilter([gain], [1.0, -pole], white[1:], axis=0, zi=pole * white[:1])
-    return np.asarray(filtered)
+    return np.column_stack([np.interp(place, samples, column) for column in signal.T])

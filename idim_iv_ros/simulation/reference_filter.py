@@ -39,9 +39,9 @@ def filter_reference(
     split = int(FITTED_SHARE * len(some))
     signals = _signals(position_reference)
     energy = np.full(joints, np.inf)
-    chosen = [(0, 0.0)] * joints
-    for pole in POLES[rate / 4.0 > POLES]:
-        columns = _columns(signals, _discrete(pole, rate), every)
+    chosen = [(0, 1.0)] * joints
+    for pole in np.exp(-2.0 * np.pi * POLES[rate / 4.0 > POLES] / rate).tolist():
+        columns = _columns(signals, pole, every)
         gram = columns[:split].T @ columns[:split]
         moments = columns[:split].T @ some[:split]
         for joint in range(joints):
@@ -49,23 +49,19 @@ def filter_reference(
                 solution = _solve(gram[np.ix_(kept, kept)], moments[kept, joint])
                 residual = some[split:, joint] - columns[split:, kept] @ solution
                 if residual @ residual < energy[joint]:
-                    energy[joint], chosen[joint] = residual @ residual, (number, float(pole))
+                    energy[joint], chosen[joint] = residual @ residual, (number, pole)
     explained = np.zeros_like(error)
     for joint, (number, pole) in enumerate(chosen):
         kept = _candidates(joint, joints)[number]
-        columns = _columns(signals, _discrete(pole, rate), every)[:, kept]
+        columns = _columns(signals, pole, every)[:, kept]
         weights = np.zeros(1 + ORDER * len(signals))
         weights[kept] = _solve(columns.T @ columns, columns.T @ some[:, joint])
         explained[:, joint] = weights[0]
         for signal, of_signal in zip(signals, weights[1:].reshape(-1, ORDER), strict=True):
             if np.any(of_signal != 0.0):
-                explained[:, joint] += _laguerre(signal, _discrete(pole, rate)) @ of_signal
+                explained[:, joint] += _laguerre(signal, pole) @ of_signal
     missed = np.sqrt(energy / max(len(some) - split, 1))
     return position_reference - explained, missed, np.std(position[::every][split:], axis=0)
-
-
-def _discrete(pole: float, rate: float) -> float:
-    return float(np.exp(-2.0 * np.pi * pole / rate))
 
 
 def _signals(reference: FloatArray) -> FloatArray:

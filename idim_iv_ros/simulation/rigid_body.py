@@ -14,7 +14,6 @@ Newton-Euler linear in the parameters); Featherstone, Rigid Body Dynamics Algori
 (composite rigid bodies).
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -137,7 +136,7 @@ def _join(rot: FloatArray, p: FloatArray, link: FloatArray, total: FloatArray) -
     total[9] += c0 * rot[2, 0] + c1 * rot[2, 1] + c2 * rot[2, 2] + s0 + s1
 
 
-def _entries(digest: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def _entries(digest: str) -> tuple[Any, Any]:
     """Compile the functions that Python calls; `digest` is part of their key in the cache."""
 
     @entry

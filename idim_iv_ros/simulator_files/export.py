@@ -44,25 +44,24 @@ def randomization(
     """
     remainder = exported.model.remainder
     assert remainder is not None
-    uncertainty = remainder.uncertainty
     carried = [("joint", name, body) for name, body in exported.bodies.items()]
     mounted = [("load", link, load.parameters) for link, (_, load) in exported.mounted.items()]
     # Intervals of joint numbers by joint and MuJoCo's field, and their rows in the root.
     drives: dict[str, dict[str, str]] = {}
-    drive_rows, coordinates = [], uncertainty.coordinates
+    drive_rows, coordinates, root = [], remainder.coordinates, remainder.root
     for row, place in enumerate(coordinates.drives, 10 * len(coordinates.links)):
         name = exported.model.parameters[place].name
         if (kind := kind_of(name)) in _FIELDS:
             joint = exported.robot.joints[int(name[len(kind) :]) - 1]
-            half = _NORMAL * float(np.linalg.norm(uncertainty.root[row]))
+            half = _NORMAL * float(np.linalg.norm(root[row]))
             interval = f"{exported.model.values[name]:.4g} ± {half:.2g}"
             drives.setdefault(joint, {})[_FIELDS[kind]] = interval
             drive_rows.append(row)
     bodies, lines = [], []
     for number, (kind, name, body) in enumerate([*carried, *mounted]):
         rows = slice(10 * number, 10 * number + 10)
-        reference = uncertainty.coordinates.links[number]
-        spread = reference.to_parameters @ uncertainty.root[rows]
+        reference = coordinates.links[number]
+        spread = reference.to_parameters @ root[rows]
         mass, centre = float(body[9]), body[6:9] / body[9]
         moved = np.linalg.norm((spread[6:9] - np.outer(centre, spread[9])) / mass, axis=1)
         shift = ", ".join(f"{1e3 * _NORMAL * std:.2g}" for std in moved)
@@ -77,9 +76,9 @@ def randomization(
         "bodies": bodies,
         "joints": [(field, joint) for joint, fields in drives.items() for field in fields],
         "least": LEAST_OF_NOMINAL,
-        "root": lower_root(uncertainty.root[[*range(10 * len(bodies)), *drive_rows]]),
+        "root": lower_root(root[[*range(10 * len(bodies)), *drive_rows]]),
     }
-    return shown, {"link": uncertainty.link, "drive": uncertainty.drive, "rows": lines}
+    return shown, {"link": remainder.open_links, "drive": remainder.open_drives, "rows": lines}
 
 
 CHANGES, ISAAC_LAB = "changes.md", "isaac_lab.py"
@@ -109,9 +108,9 @@ class Exported:
     isaac_lab: Path | None
     changes: Path
     ranges: Path | None  # Module that samples randomized MuJoCo models, if requested
-    not_native: tuple[str, ...]  # Effects that MuJoCo has no element for
-    notes: tuple[str, ...]
-    bags: tuple[str, ...]  # Names of the recordings that the result is from
+    not_native: tuple[str, ...] = ()  # Effects that MuJoCo has no element for
+    notes: tuple[str, ...] = ()
+    bags: tuple[str, ...] = ()  # Names of the recordings that the result is from
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -169,8 +168,6 @@ def export(
         isaac_lab=None if of_mjcf else out / ISAAC_LAB,
         changes=out / CHANGES,
         ranges=out / RANDOMIZE if randomize else None,
-        not_native=(),
-        notes=(),
         bags=robot.bags,
     )
     before = exported.effects.is_file() and exported.changes.is_file()

@@ -38,8 +38,7 @@ _TURNS = ("axisangle", "euler", "xyaxes", "zaxis")
 _CHANGES_INERTIALS = ("balanceinertia", "fusestatic", "boundmass", "boundinertia", "settotalmass")
 _DEFAULT_SOLVER = (0.02, 1.0)  # solreffriction of MuJoCo: another one is the user's
 _NEAR = 0.1  # of it: known no better from a recording
-# Smaller relative differences are rounding errors of sums.
-_ROUNDING = 1e-14
+_ROUNDING = 1e-14  # Smaller relative differences are rounding errors of sums
 
 _DECLARATION = re.compile(rb"\s*<\?xml[^>]*\?>")
 
@@ -287,8 +286,7 @@ def _principal(inertia: FloatArray, before: FloatArray) -> tuple[FloatArray, Flo
     axes = axes * np.where(along < 0.0, -1.0, 1.0)
     if np.linalg.det(axes) < 0.0:
         axes[:, int(np.argmin(np.abs(along)))] *= -1.0
-    turn = pin.Quaternion(axes)
-    return moments, np.array([turn.w, turn.x, turn.y, turn.z])
+    return moments, np.roll(pin.Quaternion(axes).coeffs(), 1)
 
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # the upper triangle

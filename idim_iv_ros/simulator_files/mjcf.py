@@ -227,8 +227,7 @@ def _joint(
 
 def _visual_geom(tree: pin.Model, index: int, body: pin.Inertia) -> dict[str, str]:
     """Return a visual geom, without mass and contacts."""
-    children = (k for k in range(1, tree.njoints) if int(tree.parents[k]) == index)
-    child = next(children, None)
+    child = next((k for k in range(1, tree.njoints) if int(tree.parents[k]) == index), None)
     end = 2.0 * body.lever if child is None else np.array(tree.jointPlacements[child].translation)
     length = float(np.linalg.norm(end))
     shape = {"type": "sphere", "size": "0.03"}

@@ -39,8 +39,7 @@ from idim_iv_ros.simulation import SimulatedEffect
 from idim_iv_ros.types import FloatArray
 
 _WATER = 1000.0  # kg/m³
-# A body must have at least this share of the reference's inertia in every direction.
-_LEAST = 1e-4
+_LEAST = 1e-4  # A body must have at least this share of the reference's inertia in every direction
 # Torque that bodies and friction would take for theirs.
 _NO_BODY = ("torque scale", "gravity")
 
@@ -123,9 +122,8 @@ def corrected_model(
             numbers = {name: _round(parameter) for name, parameter in cause.parameters.items()}
             effects.append(SimulatedEffect(cause.effect, cause.joint, numbers))
         elif part == "gravity":
-            names = [f"rotation_about_{axis}" for axis in "xyz"]
             present = {name: number.value for name, number in cause.parameters.items()}
-            turn = np.array([present.get(name, 0.0) for name in names])
+            turn = np.array([present.get(f"rotation_about_{axis}", 0.0) for axis in "xyz"])
             gravity = np.asarray(pin.exp3(turn) @ gravity)
             if "gravity_x" in present:  # all of it, where the nominal model's is far from it
                 gravity = np.array([present[f"gravity_{axis}"] for axis in "xyz"])
@@ -305,8 +303,7 @@ def is_possible(parameters: FloatArray, reference: FloatArray) -> bool:
         root = np.linalg.inv(upper_root(pseudo_inertia(reference)))
     except np.linalg.LinAlgError:
         return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
-    relative = root @ pseudo_inertia(parameters) @ root.T
-    return bool(np.linalg.eigvalsh(relative)[0] > _LEAST)
+    return bool(np.linalg.eigvalsh(root @ pseudo_inertia(parameters) @ root.T)[0] > _LEAST)
 
 
 def _round(number: EffectParameter) -> float:

@@ -20,32 +20,18 @@ from idim_iv_ros.effects.registry import BY_NAME, STRUCTURAL, part_of
 from idim_iv_ros.errors import UsageError
 from idim_iv_ros.files import ANY_GAP, read_text
 from idim_iv_ros.identification.result import IdentificationResult
-from idim_iv_ros.model import (
-    InverseModel,
-    RobotModel,
-    build_inverse_model,
-    read_urdf_file,
-    read_urdf_text,
-    require_same_robot,
-)
+from idim_iv_ros.model import InverseModel, RobotModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.model.base_parameters import NON_NEGATIVE
+from idim_iv_ros.model.inverse_model import require_same_robot
 from idim_iv_ros.model.parameters import INERTIAL, body_of, parameters_of
-from idim_iv_ros.model.urdf import LARGEST, Urdf
+from idim_iv_ros.model.urdf import LARGEST, Urdf, read_urdf_text
 from idim_iv_ros.physical import PhysicalParameters
 from idim_iv_ros.physical.pseudo_inertia import inertial_parameters, pseudo_inertia, upper_root
 from idim_iv_ros.physical.remainder import USUAL_ERROR
 from idim_iv_ros.simulation import SimulatedEffect, control_law
 from idim_iv_ros.simulation.effects import contributions_of
-from idim_iv_ros.simulator_files.named import (
-    CorrectedModel,
-    Load,
-    cause_name,
-    corrected_model,
-    is_possible,
-    kind_of,
-    numbers_in_words,
-    with_remainder,
-)
+from idim_iv_ros.simulator_files import named
+from idim_iv_ros.simulator_files.named import CorrectedModel, Load, cause_name, kind_of
 from idim_iv_ros.simulators.effects_file import constant_torques, effect_of_cause
 from idim_iv_ros.types import FloatArray
 
@@ -70,9 +56,7 @@ class DriveLaw:
     @property
     def in_actuators(self) -> bool:
         """Return whether proportional and derivative actuators express the whole law."""
-        return (
-            self.configured and not self.beyond and not np.any(self.ki) and not np.any(self.delay)
-        )
+        return self.configured and not (self.beyond or np.any(self.ki) or np.any(self.delay))
 
     @property
     def words(self) -> str:
@@ -191,7 +175,7 @@ class ExportedRobot:
             rounding = _ROUNDING * np.abs(reference).max()
             if main in parts and np.abs(rest - reference).max() <= rounding:
                 continue
-            if is_possible(rest, reference):
+            if named.is_possible(rest, reference):
                 changed[main] = body_of(rest)
                 continue
             names = ", ".join(others)
@@ -284,9 +268,8 @@ class ExportedRobot:
         numbers = {name: np.zeros(n) for name in ("kp", "kd", "ki")}
         if law is not None:
             numbers = {name: getattr(law, name).copy() for name in numbers}
-        limit, delay, beyond = np.full(n, np.inf), np.full(n, section.delay), []
-        if section.torque_limit is not None:
-            limit = np.array(section.torque_limit)
+        limit = np.array(section.torque_limit or [np.inf] * n)
+        delay, beyond = np.full(n, section.delay), []
         for effect in self.structural:
             value, part = effect.parameters, part_of(effect.effect)
             at = [effect.joint in (None, joint) for joint in joints]
@@ -396,7 +379,7 @@ def read_answer(
     given = model.robot.gravity
     corrected = CorrectedModel(physical.parameters, (), (), given)
     if gap is not None and not refit:
-        make = with_remainder if remainder else corrected_model
+        make = named.with_remainder if remainder else named.corrected_model
         corrected = make(model, kept, others, physical, str(path))
         masses = [number for number in corrected.parameters if kind_of(number.name) == "M"]
         notes += tuple(
@@ -427,7 +410,7 @@ def read_answer(
         model=corrected,
         structural=(*effects, *corrected.effects),
         in_parameters=tuple(
-            f"{cause_name(cause)}: {numbers_in_words(cause.parameters)}"
+            f"{cause_name(cause)}: {named.numbers_in_words(cause.parameters)}"
             for cause in kept
             if cause.kind == "parametric"
         ),

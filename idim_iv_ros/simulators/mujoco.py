@@ -17,7 +17,7 @@ and `qfrc_applied` of the data. But for constant torques it takes their dry fric
 MuJoCo allows (`dof_solref`, `dof_solimp`), since with the defaults a joint at rest creeps.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -40,20 +40,10 @@ from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
 from idim_iv_ros.model.link_motion import LinkFrames, link_frames
 from idim_iv_ros.model.mjcf import load_mujoco, mujoco_reads, set_first
-from idim_iv_ros.simulation import dry_friction, effect_kernel
-from idim_iv_ros.simulation.affected_robot import (
-    affected_plant,
-    completed_shaft,
-    encoder_error,
-    joined_shafts,
-)
+from idim_iv_ros.simulation import affected_robot, dry_friction, effect_kernel
+from idim_iv_ros.simulation.affected_robot import affected_plant, completed_shaft
 from idim_iv_ros.simulation.dry_friction import slip
-from idim_iv_ros.simulation.effect_kernel import (
-    LEAST_LEVEL,
-    advance_states,
-    effect_torques,
-    states_turn,
-)
+from idim_iv_ros.simulation.effect_kernel import LEAST_LEVEL
 from idim_iv_ros.simulation.effects import JointContributions, SimulatedEffect, contributions_of
 from idim_iv_ros.simulation.plant import Contacts, Plant
 from idim_iv_ros.simulators.effects_file import read_effects
@@ -152,8 +142,7 @@ def set_inertias(mujoco: Any, model: Any, robot: RobotModel, parameters: Dynamic
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:
-    x, y, z, w = pin.Quaternion(np.asarray(rotation)).coeffs()
-    return np.array([w, x, y, z])
+    return np.roll(pin.Quaternion(np.asarray(rotation)).coeffs(), 1)
 
 
 SHAFT, COUPLING = "_shaft", "_coupling"
@@ -230,7 +219,7 @@ class MujocoShafts:
         # Each with the numbers of its joint, its position and its velocity in the model.
         self._shafts: list[tuple[ShaftPart, int, int, int]] = []
         present = {model.joint(k).name for k in range(model.njnt)}
-        for place, shaft in joined_shafts(added.of(ShaftPart)).items():
+        for place, shaft in affected_robot.joined_shafts(added.of(ShaftPart)).items():
             name = joints[place]
             if name + SHAFT not in present:
                 raise UsageError(
@@ -397,7 +386,7 @@ class Effects:
     def measured(self, data: Any) -> FloatArray:
         """Return the measured positions and velocities (2, n) of `joints`, encoder errors added."""
         q, dq = data.qpos[self._qpos], data.qvel[self._dof]
-        error, slope = encoder_error(self._added, q)
+        error, slope = affected_robot.encoder_error(self._added, q)
         return np.stack([q + error, dq * (1.0 + slope)])
 
     def place_links(self, model: Any, data: Any) -> None:
@@ -459,7 +448,7 @@ class Effects:
         return self._effects.force
 
 
-def _entry(digest: str) -> Callable[..., Any]:
+def _entry(digest: str) -> Any:
     """Compile the kernel that Python calls; `digest` is part of its key in numba's cache."""
 
     @entry
@@ -486,14 +475,14 @@ def _entry(digest: str) -> Callable[..., Any]:
         # States along the way that MuJoCo has just gone, and then all in the middle of this step.
         for i in range(n):
             speed[i] = moved[i] / step
-        advance_states(effects.rows, speed, effects.rest, step)
-        states_turn(effects.rows, dq, ddq, step)
+        effect_kernel.advance_states(effects.rows, speed, effects.rest, step)
+        effect_kernel.states_turn(effects.rows, dq, ddq, step)
         for i in range(n):
             position[i], speed[i] = q[i] + 0.5 * step * dq[i], dq[i] + 0.5 * step * ddq[i]
             effects.inertial[i] = plant.drive_inertia[i, i] * ddq[i]
         for c in range(mode.shape[0]):
             mode[c] = np.sign(slip(plant.contacts, c, speed))
-        effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
+        effect_kernel.effect_torques(plant, effects, time, position, speed, dq, mode, push, step)
         # Damping of couplings goes to their tendons; off the diagonal is no other.
         for c in range(n, mode.shape[0]):
             first, second = plant.contacts.first[c], plant.contacts.second[c]
@@ -515,8 +504,7 @@ def _entry(digest: str) -> Callable[..., Any]:
                 friction[1, c] = 0.0
             friction[0, c] = max(friction[0, c], LEAST_LEVEL if effects.dry[c] else 0.0)
 
-    compiled: Callable[..., Any] = torques
-    return compiled
+    return torques
 
 
 _torques = _entry(source_digest(dry_friction, effect_kernel, *registry.MODULES))
@@ -553,5 +541,4 @@ class _DelayLine:
         self.sent = [torque, *self.sent[:-1]]
         share = self._delay / step - whole
         sent, columns = np.array(self.sent), np.arange(len(torque))
-        arrived = (1.0 - share) * sent[whole, columns] + share * sent[whole + 1, columns]
-        return np.asarray(arrived)
+        return np.asarray((1.0 - share) * sent[whole, columns] + share * sent[whole + 1, columns])

@@ -8,18 +8,12 @@ from typing import Any
 import numpy as np
 import scipy
 
+from idim_iv_ros import files
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.encoding import json_text
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.excitation.trajectory import Trajectory, require_sampling
-from idim_iv_ros.files import (
-    TRUTH_FORMAT,
-    FilePath,
-    as_file,
-    complete_files,
-    refused_if_unwritable,
-    require_file_place,
-)
+from idim_iv_ros.files import FilePath
 from idim_iv_ros.model import DynamicParameters, RobotModel, build_inverse_model, read_urdf_file
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.recording.writing.write import JointTopic, write_messages
@@ -122,11 +116,9 @@ def simulated_robot(
     truth = dict(zip(model.base.names, (float(v) for v in model.given), strict=True))
     place = f"{configuration.source or 'configuration'}: simulated_robot.parameters: "
     truth = EffectsFile(base_parameters=settings.parameters, place=place).changed(truth)
-    effects: tuple[SimulatedEffect, ...] = ()
-    if extended is not None:
-        beyond = read_effects(Path(extended))
-        truth, effects = beyond.changed(truth), beyond.effects
-        contributions_of(effects, model.robot.joints)
+    beyond = EffectsFile() if extended is None else read_effects(Path(extended))
+    truth = beyond.changed(truth)
+    contributions_of(beyond.effects, model.robot.joints)  # refuses
     law = control_law(configuration.controller, len(model.robot.joints))
     if settings.delay is not None:
         law = replace(law, delay=settings.delay)
@@ -137,7 +129,7 @@ def simulated_robot(
         law=law,
         configuration=configuration,
         description=text,
-        effects=effects,
+        effects=beyond.effects,
     )
 
 
@@ -194,22 +186,22 @@ def simulate(
     """
     if len(set(seeds)) != len(seeds):
         raise UsageError("--seed: a seed is given twice")
-    out = as_file(out)
+    out = files.as_file(out)
     truth, ends = out.with_name(out.stem + TRUTH), [f"-{seed}" for seed in seeds]
     paths = [out.with_name(f"{out.stem}{end}{out.suffix}") for end in ends]
     paths = paths if len(seeds) > 1 else [out]
-    require_file_place([*paths, truth], force=force)
+    files.require_file_place([*paths, truth], force=force)
     robot = simulated_robot(configuration, effects)
-    content: dict[str, object] = {"format": TRUTH_FORMAT, **robot.truth}
+    content: dict[str, object] = {"format": files.TRUTH_FORMAT, **robot.truth}
     if effects is not None:
         keys = ("effect", "joint", "other_joint", "parameters")
         content["effects"] = [{key: getattr(one, key) for key in keys} for one in robot.effects]
     bags = []
     # All of them or none, also where one of many loops diverges.
     with (
-        refused_if_unwritable(out),
+        files.refused_if_unwritable(out),
         Stopwatch(progress) as watch,
-        complete_files([*paths, truth]) as temporary,
+        files.complete_files([*paths, truth]) as temporary,
     ):
         for count, (seed, path) in enumerate(zip(seeds, paths, strict=True)):
             watch.stage(f"simulating seed {seed}", count / len(seeds))

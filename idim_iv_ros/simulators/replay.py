@@ -23,14 +23,7 @@ from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.instruments import SimulatedLoop, instrument_sources
 from idim_iv_ros.files import EFFECTS, FilePath, FilePaths, read_text
 from idim_iv_ros.identification.prepare import PreparedRegression, prepare, read_configured
-from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel
-from idim_iv_ros.model.mjcf import (
-    is_mjcf,
-    load_mujoco,
-    mujoco_reads,
-    mujoco_warnings,
-    native_elements,
-)
+from idim_iv_ros.model import DynamicParameters, InverseModel, RobotModel, mjcf
 from idim_iv_ros.progress import Progress, Stopwatch
 from idim_iv_ros.signals.filters import central_differences
 from idim_iv_ros.signals.motion import Motion
@@ -87,7 +80,7 @@ class StageModel:
             spec = plant_spec(mujoco, self.robot, self.parameters)
         elif self.xml is not None:
             spec = _read_mjcf(mujoco, self.xml, self.robot.joints)
-        with mujoco_reads(self.xml or self.robot.name):
+        with mjcf.mujoco_reads(self.xml or self.robot.name):
             add_motors(mujoco, spec, self.robot.joints)
             add_parts(spec, self.effects)
             model = spec.compile()
@@ -107,11 +100,8 @@ def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = No
     parameters = robot.given if values is None else nearest_parameters(model, values)
     plant_spec(mujoco, robot, parameters)  # refuses what cannot be simulated
     effects = constant_torques(robot.joints, dict(enumerate(parameters.offset)))
-    if values is None:
-        return StageModel(NOMINAL, "the nominal model", robot, parameters, None, effects)
-    return StageModel(
-        CORRECTED, "the nominal model with found parameters", robot, parameters, None, effects
-    )
+    name, found = (NOMINAL, "") if values is None else (CORRECTED, " with found parameters")
+    return StageModel(name, f"the nominal model{found}", robot, parameters, None, effects)
 
 
 def xml_stage(
@@ -139,7 +129,7 @@ def require_same_native(
     """
     model = mujoco.MjModel.from_xml_path(str(path))
     hint = f"the {path.name} and effects.json of one export belong together"
-    elements = native_elements(mujoco, model)
+    elements = mjcf.native_elements(mujoco, model)
     for effect in effects:
         element = BY_NAME[effect.effect].element_of
         if not element or effect.joint is None:
@@ -161,12 +151,12 @@ def require_same_native(
 
 def _read_mjcf(mujoco: Any, path: Path, joints: Sequence[str]) -> Any:
     """Read an MJCF with the robot's joints, without actuators: the replay adds motors."""
-    if not is_mjcf(read_text(path, "the MJCF")):
+    if not mjcf.is_mjcf(read_text(path, "the MJCF")):
         raise UsageError(
             f"{path}: is no MJCF: its first element is not <mujoco>; --model takes the .xml of "
             "`idim-iv export`, or `urdf` for the nominal model of the configuration"
         )
-    with mujoco_reads(path):
+    with mjcf.mujoco_reads(path):
         spec = mujoco.MjSpec.from_file(str(path))
         model = spec.copy().compile()
     named = [joint.name for joint in spec.joints]
@@ -239,7 +229,7 @@ def replay_bags(
     an effect is not known, or joints are coupled; DataError: the recordings have no references, or
     the control law is not known.
     """
-    mujoco = load_mujoco("a replay")
+    mujoco = mjcf.load_mujoco("a replay")
     with Stopwatch(progress) as watch:
         watch.stage("reading", 0.0)
         extended = EffectsFile() if effects is None else read_effects(Path(effects))
@@ -338,13 +328,13 @@ def _stages(
     if prepared.given is None:
         raise UsageError(prepared.why_no_given)
     # The user's MJCF, if its joints are the robot's.
-    mjcf, of_file = prepared.configuration.robot.mjcf, set[str]()
-    if mjcf is not None:
-        with mujoco_reads(mjcf):
-            of_file = {joint.name for joint in mujoco.MjSpec.from_file(str(mjcf)).joints}
-    if mjcf is not None and of_file == set(robot.joints):
-        nominal = xml_stage(mujoco, robot, mjcf, {})
-        stages = [replace(nominal, name=NOMINAL, words=f"{mjcf.name} as given")]
+    file, of_file = prepared.configuration.robot.mjcf, set[str]()
+    if file is not None:
+        with mjcf.mujoco_reads(file):
+            of_file = {joint.name for joint in mujoco.MjSpec.from_file(str(file)).joints}
+    if file is not None and of_file == set(robot.joints):
+        nominal = xml_stage(mujoco, robot, file, {})
+        stages = [replace(nominal, name=NOMINAL, words=f"{file.name} as given")]
     else:
         stages = [plant_stage(mujoco, prepared.model)]
     effects, parameters = extended.effects, extended.base_parameters
@@ -389,7 +379,7 @@ def _simulate(mujoco: Any, robot: RobotModel, runs: Sequence[_Run], stage: Stage
         forward = run.law.feedforward
         law = replace(run.law, feedforward=None if forward is None else forward[first:])
         model = stage.compiled(mujoco)
-        with mujoco_warnings():
+        with mjcf.mujoco_warnings():
             ran = run_in_mujoco(mujoco, model, robot, law, references, robot.given, stage.effects)
         if ran.diverged:
             return _Motions(note=f"{signals.name}: {ran.diverged}")

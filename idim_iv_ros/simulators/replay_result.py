@@ -48,21 +48,15 @@ class ReplayStage:
 
 @dataclass(frozen=True)
 class ReplaySeries:
-    """Curves of one joint in one recording, thinned; in order of time.
-
-    - `time`: (n,) s
-    - `error`: (n,), reference less recorded position, rad (m)
-    - `errors`: reference less simulated position, by stage
-    - `torque`, `torques`: recorded, and simulated by stage, N m (N)
-    """
+    """Curves of one joint in one recording, thinned; in order of time."""
 
     joint: str
     bag: str
-    time: FloatArray
-    error: FloatArray
-    errors: dict[str, FloatArray]
-    torque: FloatArray
-    torques: dict[str, FloatArray]
+    time: FloatArray  # (n,) s
+    error: FloatArray  # (n,) rad (m): reference less recorded position
+    errors: dict[str, FloatArray]  # Reference less simulated position, by stage
+    torque: FloatArray  # Recorded, N m (N)
+    torques: dict[str, FloatArray]  # Simulated, by stage, N m (N)
 
 
 @dataclass(frozen=True, kw_only=True)
