@@ -7,7 +7,7 @@ drives: the one that makes the whole likelier, each size with a set of its own.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from operator import itemgetter
 
@@ -22,6 +22,8 @@ from idim_iv_ros.diagnosis.comparison.ledger import RELATIVE_ERRORS, Ledger, noi
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
 from idim_iv_ros.diagnosis.comparison.options import Options, Whitened, whitened
 from idim_iv_ros.diagnosis.comparison.refine import refined
+from idim_iv_ros.estimation.least_squares import stacked
+from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.types import BoolArray, FloatArray
 
 Terms = tuple[Term, ...]
@@ -140,8 +142,7 @@ def _without_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
         table = np.concatenate([rows.matrix.T, *columns]).T.astype(float)
         if len(table) < _ROWS_PER_COLUMN * table.shape[1]:
             continue
-        table /= np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-        left[joint] = left[joint] - table @ np.linalg.lstsq(table, left[joint], rcond=1e-9)[0]
+        left[joint] = independent_basis(table).remove(left[joint])
     return left
 
 
@@ -154,16 +155,14 @@ def refit_residuals(
 
     `counted`: rows (r_j,) that are fitted; None: all.
     """
-    shares = []
-    for joint, (rows, size) in enumerate(zip(ledger.joints, ledger.sizes, strict=True)):
-        table = np.zeros((len(rows), ledger.parameters + 1))
-        table[:, rows.columns] = rows.matrix / size
-        table[:, -1] = gap[joint] / size
-        shares.append(table if counted is None else table[counted[joint]])
-    whole = np.asarray(np.linalg.qr(np.vstack(shares), mode="r"))
-    norms = np.linalg.norm(whole[:, :-1], axis=0)
-    norms[norms == 0.0] = 1.0
-    change = np.linalg.lstsq(whole[:, :-1] / norms, whole[:, -1], rcond=1e-9)[0] / norms
+    fitted = [replace(rows, torque=left) for rows, left in zip(ledger.joints, gap, strict=True)]
+    if counted is not None:
+        fitted = [
+            replace(rows, matrix=rows.matrix[some], torque=rows.torque[some])
+            for rows, some in zip(fitted, counted, strict=True)
+        ]
+    factor = stacked(fitted, ledger.parameters, 1.0 / ledger.sizes)
+    change = independent_basis(factor[:, :-1]).solve(factor[:, -1], ledger.parameters)
     return [
         left - rows.matrix @ change[rows.columns]
         for rows, left in zip(ledger.joints, gap, strict=True)
