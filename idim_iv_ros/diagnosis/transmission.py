@@ -354,30 +354,27 @@ def _twist_rows(
     of its own motion, which is the motor's less the twist; `values`: (b,) base parameters of the
     links, where those of the refit are not: it takes the motor's motion for theirs.
     """
-    channels, tables, taken = [], [], []
+    channels, tables, read = [], [], []
     for motion, smooth in zip(data.prepared.motions, data.motions, strict=True):
         assert motion.signals.link_valid is not None
         valid = motion.signals.link_valid[motion.span, joint : joint + 1]
-        measured = all_around(valid, motion.decimation, motion.decimation.factor)[:, 0]
-        kept = motion.kept[:, joint]
-        counting = kept & measured
-        channels.append((motion, counting))
-        taken.append(measured[kept])
+        read.append(all_around(valid, motion.decimation, motion.decimation.factor)[:, 0])
+        channels.append((motion, motion.kept[:, joint] & read[-1]))
         load = smooth.load[:, joint]
         for _ in range(_LINK_MOTION_STEPS if bending > 0.0 else 0):
             behind = smooth.moved(joint, -bending * load, links=True)
             load = smooth.load[:, joint] + behind[:, joint]
         of_load = load, np.gradient(load, 1.0 / smooth.rate), np.sign(load)
         states = (smooth.velocity, smooth.slip, smooth.position)
-        signals = np.column_stack([*of_load, *(state[:, joint] for state in states)])
-        tables.append(smooth.rows(signals)[counting])
-    joined = dict(zip(_SIGNALS, np.concatenate(tables).T, strict=True))
-    recording = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+        tables.append(np.column_stack([*of_load, *(state[:, joint] for state in states)]))
+    both = data.counting(joint, read)  # rows at which both encoders were read
+    joined = dict(zip(_SIGNALS, data.decimated(joint, tables)[both].T, strict=True))
+    recording = data.recordings[joint][both]
     rows, names = data.rows[joint], data.prepared.model.base.names
     fit = data.regression.fitted
     of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
     places = rows.columns[of_links]
-    columns = rows.matrix[:, of_links][np.concatenate(taken)]
+    columns = rows.matrix[:, of_links][both]
     fitted = fit.values if values is None else values
     # The motion holds the parameters of another estimator.
     joined["load"] += columns @ (fitted - data.estimate.linear.values)[places]
