@@ -33,6 +33,7 @@ from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, ENCODER_LAWS
 from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.estimation.qr import independent_basis
 from idim_iv_ros.simulation import ControlLaw
+from idim_iv_ros.statistics.bootstrap import block_sums
 from idim_iv_ros.types import FloatArray
 
 _ON_TIME, _POSITIVE = EffectParameter(0.0, 0.0, "s"), EffectParameter(1.0, 0.0, "")
@@ -42,18 +43,13 @@ _UNSURE = 2e-3  # of the commands: noise that rows have at least, or nothing els
 
 @dataclass(frozen=True)
 class LawChange:
-    """What differs from the configured law at one joint.
-
-    `every`, `rows`: all rows, and those that are not near an event; `terms`: groups that differ; of
-    two sets, those of the second one have a scope; `too_noisy`: there were some, but they follow
-    noise of the motion.
-    """
+    """What differs from the configured law at one joint."""
 
     every: CommandRows
-    rows: CommandRows
+    rows: CommandRows  # those that are not near an event
     comparison: Comparison
-    terms: tuple[Term, ...]
-    too_noisy: bool = False
+    terms: tuple[Term, ...]  # groups that differ; of two sets, those of the second have a scope
+    too_noisy: bool = False  # there were some, but they follow noise of the motion
 
     @cached_property
     def model(self) -> ModelWithTerms:
@@ -102,9 +98,7 @@ class LawChange:
         one, other = np.linalg.pinv(columns), np.linalg.pinv(instruments.T @ columns)
         apart = other @ instruments.T - one
         left = rest - columns @ (one @ rest)
-        ledger = self.comparison.options.ledger
-        sums = np.zeros((ledger.block_count, len(apart)))
-        np.add.at(sums, ledger.blocks[0], (apart * left).T)
+        sums = block_sums(self.comparison.options.ledger.blocks[0], (apart * left).T)
         deviations = np.sqrt(np.sum(sums**2, axis=0))
         change, numbers = np.abs(apart @ rest), np.abs(one @ rest)
         least = np.maximum(settings.CLEAR_DEVIATIONS * deviations, _SAME_NUMBER * numbers)
@@ -177,21 +171,16 @@ def why_not_checked(data: Baseline) -> str:
 
 @dataclass(frozen=True)
 class LawCheck:
-    """Recorded commands against the configured law, one cause for each joint with another law.
+    """Recorded commands against the configured law."""
 
-    `gains`: by which the whole command is larger, at joints where nothing else is another; `speed`:
-    that explains the commands best, None where nothing can be compared; `beyond`: what the commands
-    hold beyond the law and its changes, one sentence for each joint where it is much; `delay`: one
-    cause where most joints follow the law later than a control of this period makes them;
-    `too_noisy`: joints at which noise of the motion hides what the law is.
-    """
-
-    causes: tuple[Cause, ...] = ()
+    causes: tuple[Cause, ...] = ()  # one for each joint with another law
+    # By which the whole command is larger, at joints where nothing else is another.
     gains: dict[str, float] = field(default_factory=dict)
-    speed: LawSpeed | None = None
-    beyond: tuple[str, ...] = ()
+    speed: LawSpeed | None = None  # that explains the commands best; None: nothing is compared
+    beyond: tuple[str, ...] = ()  # of joints whose commands hold much beyond the law, and what
+    # One cause where most joints follow the law later than a control of this period makes them.
     delay: tuple[Cause, ...] = ()
-    too_noisy: tuple[str, ...] = ()
+    too_noisy: tuple[str, ...] = ()  # joints at which noise of the motion hides what the law is
 
     def not_shown_by_torque(
         self, data: Baseline, numbers: Sequence[Cause], effects: Sequence[Term]
@@ -345,8 +334,8 @@ def _cause(
     # integral that winds up where the torque is limited, a reference of another controller.
     if after >= min(before, change.every.size):
         return {}, None
-    name, numbers = data.joints[joint], CONTROL_LAW.parameters(law, joint, changes)
-    parameters = data.in_units_at(joint, numbers)
+    name = data.joints[joint]
+    parameters = data.in_units_at(joint, CONTROL_LAW.parameters(law, joint, changes))
     sentence = (
         f"another control law than configured at {name}: recorded and computed commands differ by "
         f"{sentences.torque(data, before, name)}, and by {sentences.torque(data, after, name)} "

@@ -82,8 +82,7 @@ def diagnose(
     UsageError, DataError
         As `identify`.
     """
-    excluded = tuple(without)
-    given = as_paths(bags)
+    excluded, given = tuple(without), as_paths(bags)
     second = as_paths(against) if against else ()
     for bag in second:
         if os.path.realpath(bag) in map(os.path.realpath, given):
@@ -201,7 +200,8 @@ def concluded(
     gaps, findings = where(data, explanation.floors)
     structural = [effect for effect in STRUCTURAL if effect.name not in without]
     noise = floor_noise_models(explanation.fits[0], explanation.floors)
-    hidden = not_shown_by_motion(data, structural, noise, explanation.selection.catalogue.made)
+    made = explanation.selection.catalogue.made
+    hidden = *not_shown_by_motion(data, structural, noise, made), *refit.not_testable
     named = {(cause.effect, cause.joint) for cause in causes}
 
     outside = unexplained(explanation)
@@ -217,12 +217,10 @@ def concluded(
         if finding.left_out
     }
     bags = tuple(part.bag for part in prepared.session.parts)
+    shown, model = gaps.joints, "refit" if prepared.given is None else "nominal model"
     summary = [
         sentences.disagreement(recordings, bags),
-        sentences.largest_gap(
-            [gap for gap in gaps.joints if gap.joint not in left_out],
-            "refit" if prepared.given is None else "nominal model",
-        ),
+        sentences.largest_gap([gap for gap in shown if gap.joint not in left_out], model),
         sentences.nothing_explains(remaining=bool(more_errors)) if verdict == "none" else "",
         causes[0].sentence if causes else "",
         sentences.further_causes(causes[1:]),
@@ -292,11 +290,7 @@ def concluded(
         unexplained=outside,
         where=gaps,
         findings=findings,
-        not_testable=tuple(
-            effect
-            for effect in (*hidden, *refit.not_testable)
-            if (effect.effect, effect.joint) not in named
-        ),
+        not_testable=tuple(e for e in hidden if (e.effect, e.joint) not in named),
         stages=stages,
         series=_series(explanation),
         tracking=tracking_series(tracked[0], tracked[-1]),

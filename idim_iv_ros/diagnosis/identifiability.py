@@ -46,14 +46,14 @@ class Absorption:
 
     def left(self, columns: Columns) -> tuple[FloatArray, FloatArray]:
         """Energy of the columns, and of what is left of them, (k,) each."""
-        inner, energy = np.zeros((len(self._root), width_of(columns))), 0.0
+        inner = np.zeros((len(self._root), width_of(columns)))
+        energy = np.zeros(inner.shape[1])
         for joint, rows in columns.items():
             of_model = self.joints[joint]
             white = self._noise_models[joint].standardized(rows, of_model.segments)
             inner[of_model.columns] += self._model[joint].T @ white
-            energy = energy + np.sum(white**2, axis=0)
-        taken = np.sum((self._root.T @ inner) ** 2, axis=0)
-        return np.asarray(energy), np.maximum(energy - taken, 0.0)
+            energy += np.sum(white**2, axis=0)
+        return energy, np.maximum(energy - np.sum((self._root.T @ inner) ** 2, axis=0), 0.0)
 
 
 def detectability(
@@ -84,15 +84,14 @@ def detectability(
         energy, rest = absorption.left(columns)
         share = rest / np.maximum(energy, _TINY)
         least_absorbed = min(least_absorbed, 1.0 - float(share.max()))
-        at_joint = columns.get(joint)
-        largest = np.zeros(len(rest)) if at_joint is None else np.abs(at_joint).max(axis=0)
+        largest = np.abs(columns.get(joint, np.zeros((1, len(rest))))).max(axis=0)
         # Coefficients at which each column alone is just seen; one where the shape is the size.
         sizes = np.sqrt(needed / np.maximum(rest, _TINY))
         sizes[share <= 1.0 - settings.ABSORBED] = np.inf
-        most = _MOST_SCALED if effect.size_in == "scale" else np.inf
         if effect.size_in == "shape":
             sizes = np.where(sizes <= 1.0, 1.0, np.inf)
         else:
+            most = _MOST_SCALED if effect.size_in == "scale" else np.inf
             sizes[(largest <= 0.0) | (sizes > most)] = np.inf
         column = int(np.argmin(sizes * np.maximum(largest, _TINY)))
         if not np.isfinite(sizes[column]):
@@ -109,11 +108,9 @@ def detectability(
     if not options:
         return "its torque stays within the noise at every size that was tried", ""
     implausible, _, words = min(options)
-    return (
-        (f"it would be seen from {words} on, and is often smaller", words)
-        if implausible
-        else ("", "")
-    )
+    if not implausible:
+        return "", ""
+    return f"it would be seen from {words} on, and is often smaller", words
 
 
 def cannot_show(effect: Effect, covered: JointRange) -> str:
@@ -153,9 +150,8 @@ def not_shown_by_motion(
 ) -> tuple[NotTestable, ...]:
     """Say which effects the motion cannot show, joint by joint.
 
-    Only the regressor of the refit is used, not its torque. `noise_models`: noise of
-    each joint, given beforehand or bounded from below (`floor_noise_models`). `made`: columns that
-    the search has.
+    Only the regressor of the refit is used, not its torque. `noise_models`: of each joint, given
+    beforehand or bounded from below (`floor_noise_models`); `made`: columns that the search has.
     """
     absorption = Absorption(data.regression, noise_models)
     refused = []

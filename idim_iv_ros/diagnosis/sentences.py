@@ -281,7 +281,7 @@ def summary(sentences: Sequence[str]) -> str:
     text = ""
     for sentence in filter(None, sentences):
         if not text or len(f"{text} {sentence}".split()) <= settings.WORDS_OF_SUMMARY:
-            text = f"{text} {capitalised(sentence.rstrip('.'))}.".strip()
+            text = f"{text} {as_sentence(sentence)}".strip()
     return text
 
 
@@ -360,9 +360,9 @@ def next_step(causes: Sequence[Cause], *, unknown: bool, remaining: bool) -> str
     )
 
 
-def capitalised(text: str) -> str:
-    """Return a sentence with its first letter large, the others as they are."""
-    return text[:1].upper() + text[1:]
+def as_sentence(text: str) -> str:
+    """Return a text with its first letter large and a full stop."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
 def or_else(others: Sequence[Indistinguishable]) -> str:

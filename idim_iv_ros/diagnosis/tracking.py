@@ -23,17 +23,14 @@ from idim_iv_ros.types import FloatArray
 
 @dataclass(frozen=True)
 class Tracking:
-    """Simulated motion of one stage.
-
-    `errors`: (n_samples, n_joints) of each recording: simulated less measured position on its span,
-    rad (m), through the filter of the measurement; empty where it failed. `note`, `caveat`: why
-    there is none, and what is missing in it; else empty.
-    """
+    """Simulated motion of one stage."""
 
     data: Baseline
+    # (n_samples, n_joints) of each recording: simulated less measured position on its span, rad
+    # (m), through the filter of the measurement; empty where it failed.
     errors: tuple[FloatArray, ...]
-    note: str = ""
-    caveat: str = ""
+    note: str = ""  # why there is none
+    caveat: str = ""  # what is missing in it
 
     @property
     def rms(self) -> dict[str, float] | None:
@@ -89,8 +86,8 @@ def simulated_tracking(
         spread = np.maximum(np.ptp(measured, axis=0), 1e-3)
         lost = np.flatnonzero(np.abs(errors[-1]).max(axis=0) > settings.SIMULATION_LOST * spread)
         if len(lost):
-            note = f"{name}: simulated {data.joints[lost[0]]} leaves the motion"
-            return Tracking(data, (), note)
+            joint = data.joints[lost[0]]
+            return Tracking(data, (), f"{name}: simulated {joint} leaves the motion")
     return Tracking(data, tuple(errors))
 
 
@@ -146,13 +143,11 @@ def simulation_gaps(
     explanation: Explained, tracked: Sequence[Tracking]
 ) -> list[SimulationGap | None]:
     """Gap of the simulated motion at the joint of each effect, before and after it."""
-    gaps: list[SimulationGap | None] = []
+    gaps: list[SimulationGap | None] = [None] * len(explanation.effects)
     stages = pairwise(tracked[len(tracked) - len(explanation.fits) :])
-    for effect, pair in zip(explanation.effects, stages, strict=True):
-        gap = None
+    for number, pair in enumerate(stages):
         if not any(stage.note for stage in pair):
-            columns = [effect.term.place.joint, -1]
+            columns = [explanation.effects[number].term.place.joint, -1]
             before, after = (stage.block_energies[:, columns] for stage in pair)
-            gap = SimulationGap(**vars(gap_of(before, after)))
-        gaps.append(gap)
+            gaps[number] = SimulationGap(**vars(gap_of(before, after)))
     return gaps

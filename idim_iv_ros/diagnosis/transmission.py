@@ -19,6 +19,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.comparison.folds import chosen_without
@@ -63,6 +64,7 @@ _STIFF_RESONANCE = 100.0
 _WIDE = 0.3
 
 _LOAD, _SIDE, _DIRECTION, _POSITION, _RATE = "load", "side", "direction", "position", "load rate"
+_SIGNALS = ("load", "load_rate", "side", "speed", "direction", "position")  # of `TwistRows`
 
 
 @dataclass(frozen=True)
@@ -145,13 +147,12 @@ def with_transmissions(
             kept = [cause, *(other for other in kept if other not in suggested)]
             shafts.append(cause)
             continue
+        most = np.inf if result.backlash_at_most is None else result.backlash_at_most
         for cause in suggested:
             if part_of(cause.effect) == "play":
-                most = result.backlash_at_most
-                excluded = most is not None and cause.parameters["gap"].value > most
+                excluded = cause.parameters["gap"].value > most
             else:
-                least = result.stiffness_at_least
-                excluded = least is not None and cause.parameters["stiffness"].value < least
+                excluded = cause.parameters["stiffness"].value < (result.stiffness_at_least or 0.0)
             if excluded:
                 kept.remove(cause)
                 notes.append(
@@ -168,7 +169,7 @@ def _part(data: Baseline, transmission: Measured) -> Part:
     if fit is None:
         return ""
     stiffness = np.inf if result.stiffness is None else result.stiffness.value
-    bending = float(np.max(np.abs(fit.rows.load))) / stiffness
+    bending = float(np.abs(fit.rows.load).max()) / stiffness
     if result.backlash is not None and result.backlash.value > _WIDE * bending:
         return "play"
     # Of the link against a motor at rest, median over the motion.
@@ -238,9 +239,10 @@ def _transmission(data: Baseline, joint: int, fit: "TwistFit") -> Transmission:
     rows, angle, (bending, std) = fit.rows, data.unit_at(joint, "rad"), compliance(fit)
     elastic = bending * rows.load
     clear = bending > settings.CLEAR_DEVIATIONS * std
-    exceeds_step = float(np.ptp(elastic)) > rows.resolution
+    resolution = _resolution(data, joint)
+    seen = float(np.ptp(elastic)) > resolution
     stiffness = damping = most = None
-    if _LOAD in fit.chosen and clear and exceeds_step:
+    if _LOAD in fit.chosen and clear and seen:
         stiffness = EffectParameter(1.0 / bending, std / bending**2, data.unit_at(joint, "N m/rad"))
         rate, rate_std = fit.numbers.get(_RATE, (0.0, 0.0))
         if _RATE in fit.chosen and rate < 0.0:  # D = −K² times the coefficient
@@ -266,28 +268,28 @@ def _transmission(data: Baseline, joint: int, fit: "TwistFit") -> Transmission:
         stiffness=stiffness,
         stiffness_at_least=1.0 / highest if highest > 0.0 else None,
         damping=damping,
-        backlash=gap if gap is not None and gap.value > rows.resolution else None,
+        backlash=gap if gap is not None and gap.value > resolution else None,
         backlash_at_most=most,
         lost_motion=friction,
         time_offset=EffectParameter(fit.offset, fit.offset_std, "s"),
         position_error=_POSITION in fit.chosen,
         elastic_share=min(1.0, float(np.var(elastic)) / total) if stiffness is not None else 0.0,
-        resolution=rows.resolution,
+        resolution=resolution,
         rows=len(rows.load),
         unit=angle,
-        reason="" if stiffness else _undecided(fit, clear=clear, exceeds_step=exceeds_step),
+        reason="" if stiffness else _undecided(fit, resolution, clear=clear, seen=seen),
     )
 
 
-def _undecided(fit: "TwistFit", *, clear: bool, exceeds_step: bool) -> str:
-    """Why no stiffness is said; `clear`: whether the twist under the load differs from zero."""
+def _undecided(fit: "TwistFit", resolution: float, *, clear: bool, seen: bool) -> str:
+    """Why no stiffness is said; `clear`, `seen`: whether the twist exceeds noise, and a step."""
     rows = fit.rows
     # Whether a twist of one step of the encoders would not have been significant.
-    step = rows.resolution / max(float(np.ptp(rows.load)), 1e-300)
+    step = resolution / max(float(np.ptp(rows.load)), 1e-300)
     hidden = step <= settings.CLEAR_DEVIATIONS * fit.numbers[_LOAD][1]
-    if rows.resolution > 0.0 and (_LOAD in fit.chosen or hidden) and not exceeds_step:
+    if resolution > 0.0 and (_LOAD in fit.chosen or hidden) and not seen:
         return (
-            f"the twist under the load stays below the encoders' step of {rows.resolution:.2g}: "
+            f"the twist under the load stays below the encoders' step of {resolution:.2g}: "
             "it cannot be determined"
         )
     if float(np.std(rows.load)) <= _LEAST_VARIATION * max(float(np.abs(rows.load).max()), 1e-300):
@@ -299,30 +301,22 @@ def _undecided(fit: "TwistFit", *, clear: bool, exceeds_step: bool) -> str:
 
 @dataclass(frozen=True)
 class TwistRows:
-    """Rows of one joint over all recordings; (r,) each.
-
-    `channels`: recordings with positions before and behind the gear, and their decimated samples
-    (m,) that count; `chosen`: which of these the rows are; None: all. `load`, `load_rate`: torque
-    of the links, N m, from the refit; `side`, `direction`: sign of the load and of the speed,
-    between −1 and 1 while the joint sticks. `load_columns` (r, b), `load_covariance` (b, b): change
-    of the load with each base parameter of the links, and their covariance; `resolution`: step of
-    the coarser encoder, rad; zero where none shows. `constants`: (r, recordings), one column each.
-    """
+    """Rows of one joint over all recordings; (r,) each."""
 
     joint: int
+    # Recordings with positions before and behind the gear, and their samples (m,) that count.
     channels: tuple[tuple[Motion, BoolArray], ...]
-    load: FloatArray
+    load: FloatArray  # torque of the links, N m, from the refit
     load_rate: FloatArray
-    side: FloatArray
+    side: FloatArray  # sign of the load
     speed: FloatArray
-    direction: FloatArray
+    direction: FloatArray  # sign of the speed, between −1 and 1 while the joint sticks
     position: FloatArray
-    constants: FloatArray
+    load_columns: FloatArray  # (r, b) change of the load with each base parameter of the links
+    constants: FloatArray  # (r, recordings), one column each
     segments: tuple[slice, ...]
-    load_columns: FloatArray
-    load_covariance: FloatArray
-    resolution: float
-    chosen: BoolArray | None = None
+    load_covariance: FloatArray  # (b, b) of the base parameters of the links
+    chosen: BoolArray | None = None  # which of the samples that count the rows are; None: all
 
     def twist(self, offset: float) -> FloatArray:
         """Motor less link (r,) rad, with the link's channel read `offset` seconds later."""
@@ -344,15 +338,11 @@ class TwistRows:
         near = np.abs(self.side) < _ON_ONE_SIDE
         chosen = np.ones(len(near), dtype=bool)
         for segment in self.segments:
-            spread = np.convolve(near[segment], np.ones(2 * _SIDE_MARGIN + 1), mode="same")
-            chosen[segment] = spread[: segment.stop - segment.start] < 0.5
-        changed = {
-            name: values[chosen]
-            for name, values in vars(self).items()
-            if isinstance(values, np.ndarray) and name != "load_covariance"
-        }
+            chosen[segment] = ~binary_dilation(near[segment], iterations=_SIDE_MARGIN)
+        names = (*_SIGNALS, "load_columns", "constants")
+        changed = {name: getattr(self, name)[chosen] for name in names}
         segments = segments_of([chosen[segment] for segment in self.segments])
-        return TwistRows(**{**vars(self), **changed, "segments": segments, "chosen": chosen})
+        return replace(self, **changed, segments=segments, chosen=chosen)
 
 
 def _twist_rows(
@@ -364,35 +354,27 @@ def _twist_rows(
     of its own motion, which is the motor's less the twist; `values`: (b,) base parameters of the
     links, where those of the refit are not: it takes the motor's motion for theirs.
     """
-    channels, parts, taken = [], [], []
+    channels, tables, read = [], [], []
     for motion, smooth in zip(data.prepared.motions, data.motions, strict=True):
         assert motion.signals.link_valid is not None
         valid = motion.signals.link_valid[motion.span, joint : joint + 1]
-        measured = all_around(valid, motion.decimation, motion.decimation.factor)[:, 0]
-        kept = motion.kept[:, joint]
-        counting = kept & measured
-        channels.append((motion, counting))
-        taken.append(measured[kept])
+        read.append(all_around(valid, motion.decimation, motion.decimation.factor)[:, 0])
+        channels.append((motion, motion.kept[:, joint] & read[-1]))
         load = smooth.load[:, joint]
         for _ in range(_LINK_MOTION_STEPS if bending > 0.0 else 0):
             behind = smooth.moved(joint, -bending * load, links=True)
             load = smooth.load[:, joint] + behind[:, joint]
-        series = {
-            "load": load,
-            "load_rate": np.gradient(load, 1.0 / smooth.rate),
-            "side": np.sign(load),
-            "speed": smooth.velocity[:, joint],
-            "direction": smooth.slip[:, joint],
-            "position": smooth.position[:, joint],
-        }
-        parts.append({name: smooth.rows(signal)[counting] for name, signal in series.items()})
-    joined = {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]}
-    recording = np.repeat(np.arange(len(parts)), [len(rows["load"]) for rows in parts])
+        of_load = load, np.gradient(load, 1.0 / smooth.rate), np.sign(load)
+        states = (smooth.velocity, smooth.slip, smooth.position)
+        tables.append(np.column_stack([*of_load, *(state[:, joint] for state in states)]))
+    both = data.counting(joint, read)  # rows at which both encoders were read
+    joined = dict(zip(_SIGNALS, data.decimated(joint, tables)[both].T, strict=True))
+    recording = data.recordings[joint][both]
     rows, names = data.rows[joint], data.prepared.model.base.names
     fit = data.regression.fitted
     of_links = np.array([not names[k].startswith(_NOT_OF_LINKS) for k in rows.columns])
     places = rows.columns[of_links]
-    columns = rows.matrix[:, of_links][np.concatenate(taken)]
+    columns = rows.matrix[:, of_links][both]
     fitted = fit.values if values is None else values
     # The motion holds the parameters of another estimator.
     joined["load"] += columns @ (fitted - data.estimate.linear.values)[places]
@@ -404,7 +386,6 @@ def _twist_rows(
         segments=segments_of([counting for _, counting in channels]),
         load_columns=columns,
         load_covariance=fit.covariance[np.ix_(places, places)],
-        resolution=_resolution(data, joint),
     )
 
 
@@ -424,23 +405,17 @@ def _resolution(data: Baseline, joint: int) -> float:
 
 @dataclass(frozen=True)
 class TwistFit:
-    """What one joint's twist follows.
-
-    `offset`, `offset_std`: time by which the link's channel is late, s; `columns` (r, k): of every
-    term that was tried; `chosen`: those that are accepted beside the time offset and the constants,
-    in the order of the columns; `numbers`: coefficient and deviation of a term, rad per unit of the
-    column, beside the accepted ones (position has none); `regression`, `fit`: of the accepted
-    terms.
-    """
+    """What one joint's twist follows."""
 
     rows: TwistRows
-    offset: float
+    offset: float  # time by which the link's channel is late, s
     offset_std: float
-    columns: dict[str, FloatArray]
+    columns: dict[str, FloatArray]  # (r, k) of every term that was tried
     selection: Selection
-    chosen: dict[str, Term]
-    numbers: dict[str, tuple[float, float]]
-    regression: Regression
+    chosen: dict[str, Term]  # accepted beside the time offset and the constants, as the columns
+    # Coefficient and deviation of a term, rad per unit of its column, beside the accepted ones.
+    numbers: dict[str, tuple[float, float]]  # position has none
+    regression: Regression  # of the accepted terms
     fit: Fit
 
     def accepted(self, term: str) -> float:
@@ -490,11 +465,10 @@ def fit_twist(rows: TwistRows) -> TwistFit:
     for term in columns:
         if term == _POSITION or (term == _RATE and _LOAD not in chosen):
             continue
-        wider, place = fit, -1
         if term in chosen:
-            place = regression.blocks[list(chosen).index(term)].start
+            wider, place = fit, regression.blocks[list(chosen).index(term)].start
         else:
-            wider = regression.with_columns({0: columns[term]}).fit()
+            wider, place = regression.with_columns({0: columns[term]}).fit(), -1
         variance = float(wider.coefficient_covariance[place, place])
         numbers[term] = float(wider.coefficients[place]), float(np.sqrt(max(variance, 0.0)))
     offset += float(fit.values[0])

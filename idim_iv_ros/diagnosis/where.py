@@ -12,7 +12,7 @@ from idim_iv_ros.diagnosis.refit.noise_floor import NoiseFloor
 from idim_iv_ros.diagnosis.result.document import JointGap, Regime, Where
 from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.recording.recording import SessionPart, in_recordings
-from idim_iv_ros.statistics.bootstrap import interval, resampled
+from idim_iv_ros.statistics.bootstrap import block_sums, interval, resampled
 from idim_iv_ros.types import FloatArray, IntArray
 
 _LEAST_OCCUPANCY = 0.005  # of the samples, of a regime
@@ -60,15 +60,12 @@ def motion_at_rows(data: Baseline, joint: int) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity by which the energy of a joint's residual is split.
-
-    `values` (r,): at each row; `edges` (k + 1,); `unit`: of both, of a joint that turns.
-    """
+    """A quantity by which the energy of a joint's residual is split."""
 
     name: str
-    values: FloatArray
-    edges: FloatArray
-    unit: str = ""
+    values: FloatArray  # (r,) at each row
+    edges: FloatArray  # (k + 1,)
+    unit: str = ""  # of both, of a joint that turns
 
 
 def axes_of(motion: Mapping[str, FloatArray], starts: Sequence[float]) -> list[Axis]:
@@ -109,13 +106,9 @@ def split(axis: Axis, energy: FloatArray, blocks: IntArray) -> FloatArray:
     `energy`: (r,) of the residual at each value, (N m)² (N²); `blocks`: (r,) block of each value
     (`time_blocks`).
     """
-    count = len(axis.edges) - 1
-    bins = np.clip(np.searchsorted(axis.edges, axis.values, side="right") - 1, 0, count - 1)
-    _, block = np.unique(blocks, return_inverse=True)
-    place = block * count + bins
-    size = (int(block.max()) + 1) * count
-    sums = [np.bincount(place, weights, size) for weights in (energy, np.ones(len(energy)))]
-    return np.asarray(np.stack(sums, axis=1).reshape(-1, count, 2), dtype=np.float64)
+    bins = np.searchsorted(axis.edges[1:-1], axis.values, side="right")
+    inside = bins[:, None] == np.arange(len(axis.edges) - 1)
+    return block_sums(blocks, np.stack([inside * energy[:, None], inside], axis=2))
 
 
 def lifts(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -139,13 +132,10 @@ def regimes_of(joint: str, axis: Axis, bins: FloatArray, unit: str) -> list[Regi
     """Bins of one axis whose lift differs from 1; `unit` is that of its edges."""
     if len(bins) < _LEAST_BLOCKS:
         return []
-    *shares, limits = lifts(bins)
-    ends = axis.edges[:-1].tolist(), axis.edges[1:].tolist()
+    table = np.column_stack([axis.edges[:-1], axis.edges[1:], *lifts(bins)]).tolist()
     return [
         Regime(joint, axis.name, low, high, unit, energy, occupancy, lift, (least, most))
-        for low, high, (energy, occupancy, lift), (least, most) in zip(
-            *ends, np.column_stack(shares).tolist(), limits.tolist(), strict=True
-        )
+        for low, high, energy, occupancy, lift, least, most in table
         if occupancy >= _LEAST_OCCUPANCY and (least > 1.0 or most < 1.0)
     ]
 

@@ -19,7 +19,7 @@ from idim_iv_ros.diagnosis.comparison.select import Selection, select
 from idim_iv_ros.diagnosis.refit.baseline import Baseline
 from idim_iv_ros.diagnosis.result.recordings import Difference, RecordingAgreement
 from idim_iv_ros.effects.cause import Parameters
-from idim_iv_ros.effects.parametric_effect import Estimated, ParametricEffect
+from idim_iv_ros.effects.parametric_effect import Change, Estimated, ParametricEffect
 from idim_iv_ros.effects.registry import BY_NAME
 from idim_iv_ros.estimation.likelihood import rms
 from idim_iv_ros.types import FloatArray, IntArray
@@ -31,9 +31,8 @@ _AGAIN = 2  # searches with effects of the recordings that differ
 class Changes:
     """A search in which effects and numbers may act in some recordings only.
 
-    `accepted`, `doubtful`: terms of some recordings: without how many parts of the time the search
-    chooses them. Those that are accepted matter, and are chosen without parts of the time, too. Of
-    free curves that is not asked.
+    Of their terms those that matter, and that the search chooses without parts of the time, too,
+    are accepted; with the number of these parts, in words. Of free curves that is not asked.
     """
 
     selection: Selection
@@ -104,15 +103,12 @@ def rms_of(data: Baseline, terms: Sequence[Term], recordings: Scope) -> FloatArr
 
 @dataclass(frozen=True, eq=False)
 class NumberChange:
-    """Numbers that differ in some recordings from all others.
-
-    `parameters`: the difference, with its deviations.
-    """
+    """Numbers that differ in some recordings from all others."""
 
     effect: ParametricEffect
     joint: int | None
     recordings: Scope
-    parameters: Parameters
+    parameters: Parameters  # the difference, with its deviations
     terms: tuple[Term, ...]
 
 
@@ -137,19 +133,16 @@ def number_changes(changes: Changes) -> list[NumberChange]:
         assert isinstance(effect, ParametricEffect)
         for there, group in groups.items():
             terms = tuple(parts[k][0] for k in there)
-            same: dict[str, list[int]] = {}  # places of the coefficients that have one name
-            named = {}
-            for k in there:
-                term, start = parts[k]
+            same: dict[str, tuple[Change, list[int]]] = {}  # and the places of its coefficients
+            for term, start in (parts[k] for k in there):
                 for place, change in enumerate(term.candidate.changes, start):
-                    same.setdefault(change.name, []).append(place)
-                    named[change.name] = change
+                    same.setdefault(change.name, (change, []))[1].append(place)
             spread = max(1.0, *(term.dispersion for term in terms))
             estimates = []
-            for name, which in same.items():
+            for change, which in same.values():
                 variance = spread * float(model.covariance[np.ix_(which, which)].sum())
                 value, std = float(model.coefficients[which].sum()), np.sqrt(max(variance, 0.0))
-                estimates.append(Estimated(named[name], value, float(std)))
+                estimates.append(Estimated(change, value, float(std)))
             numbers = effect.parameters(estimates)
             made.append(NumberChange(effect, joint, frozenset(group), numbers, terms))
     return made
@@ -216,11 +209,8 @@ def _differences(catalogue: Catalogue, taken_out: Sequence[Term] = ()) -> Differ
         (change.effect.name, change.joint, change.parameters, change.terms, change.recordings)
         for change in number_changes(changes)
     ]
-    named += [
-        (*term.key[:2], term.parameters, (term,), term.candidate.scope)
-        for term in changes.accepted
-        if term.is_effect
-    ]
+    effects = [term for term in changes.accepted if term.is_effect]
+    named += [(*t.key[:2], t.parameters, (t,), t.key.scope) for t in effects]
     for effect, joint, numbers, terms, recordings in named:
         shares = rms_of(data, terms, recordings) / data.torque_sizes
         place = None if joint is None else data.joints[joint]

@@ -9,13 +9,12 @@ put under one another.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from idim_iv_ros.configuration import Configuration
-from idim_iv_ros.diagnosis import settings
+from idim_iv_ros.diagnosis import sentences, settings
 from idim_iv_ros.diagnosis.against.changes import (
     Changes,
     NumberChange,
@@ -25,7 +24,7 @@ from idim_iv_ros.diagnosis.against.changes import (
     rms_of,
 )
 from idim_iv_ros.diagnosis.answer.causes import rivals_of
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.curves import Nonparametric
 from idim_iv_ros.diagnosis.comparison.model_with_terms import Term
 from idim_iv_ros.diagnosis.comparison.select import refit_residuals
@@ -39,15 +38,7 @@ from idim_iv_ros.diagnosis.result.recordings import (
     JointContrast,
     JointTorque,
 )
-from idim_iv_ros.diagnosis.sentences import (
-    capitalised,
-    listed_numbers,
-    or_else,
-    placed,
-    spaced,
-    torque,
-    with_interval,
-)
+from idim_iv_ros.diagnosis.sentences import listed_numbers, spaced, torque, with_interval
 from idim_iv_ros.effects.cause import EffectParameter, Parameters
 from idim_iv_ros.effects.registry import BY_NAME, CONTROL_LAW, name_of
 from idim_iv_ros.estimation.likelihood import Columns, rms
@@ -62,42 +53,21 @@ _WHERE = {"reference": "in the reference recordings only", "against": "in the se
 
 @dataclass(frozen=True)
 class TwoSets:
-    """Rows of both sets, those of the reference first.
+    """Rows of both sets, those of the reference first."""
 
-    `data`: of all recordings: motions, rows and their recordings. Its estimate is the reference's.
-    `refits`: of reference and second set by themselves. `not_compared`: joints whose efforts are
-    not torques of one robot in both sets, and why; their rows are left out.
-    """
-
-    data: Baseline
-    refits: tuple[Refit, Refit]
+    data: Baseline  # of all recordings; its estimate is the reference's
+    refits: tuple[Refit, Refit]  # of reference and second set by themselves
+    # Joints whose efforts are not torques of one robot, and why: their rows are left out.
     not_compared: dict[int, str]
+    first: Scope  # numbers of the reference's recordings in `data`
+    second: Scope  # and of the second set's
+    inside: tuple[BoolArray, ...]  # rows (r_j,) of the second set, for each joint
+    sizes: FloatArray  # RMS (n_joints,) of the torque in the second set, N m (N)
 
-    @property
-    def first(self) -> frozenset[int]:
-        """Numbers of the reference's recordings in `data`."""
-        return frozenset(range(len(self.refits[0].data.motions)))
-
-    @property
-    def second(self) -> frozenset[int]:
-        """Numbers of the second set's recordings in `data`."""
-        return frozenset(range(len(self.data.motions))) - self.first
-
-    def bags(self, numbers: frozenset[int]) -> tuple[str, ...]:
+    def bags(self, numbers: Scope) -> tuple[str, ...]:
         """Names of some recordings."""
         parts = self.data.prepared.session.parts
         return tuple(parts[number].bag for number in sorted(numbers))
-
-    @cached_property
-    def inside(self) -> tuple[BoolArray, ...]:
-        """Rows (r_j,) of the second set, for each joint."""
-        return tuple(np.isin(recording, list(self.second)) for recording in self.data.recordings)
-
-    @cached_property
-    def sizes(self) -> FloatArray:
-        """RMS (n_joints,) of the torque in the second set, N m (N)."""
-        rows = zip(self.data.rows, self.inside, strict=True)
-        return np.maximum([rms(joint.torque[inside]) for joint, inside in rows], 1e-300)
 
 
 def two_sets(
@@ -109,10 +79,10 @@ def two_sets(
     """
     for section in proposals((reference, against), configuration):
         whole, sets = prepare([*reference, *against], section), []
-        numbers = {id(recording): number for number, recording in enumerate(whole.recordings)}
+        place_of = {id(recording): place for place, recording in enumerate(whole.recordings)}
         for part in (reference, against):  # filtered as all recordings are; its time starts at zero
             session = session_of(part)
-            places = [numbers[id(recording)] for recording in session.recordings]
+            places = [place_of[id(recording)] for recording in session.recordings]
             factors = tuple(whole.cutoffs.factors[place] for place in places)
             motions = tuple(whole.motions[place] for place in places)
             cutoffs = replace(whole.cutoffs, factors=factors)
@@ -140,8 +110,13 @@ def two_sets(
         prepared=prepared,
         regression=replace(first.regression, joints=joints),
         sticking=first.sticking and second.sticking,
-    )
-    return TwoSets(data.on((*first.motions, *second.motions)), refits, why)
+    ).on((*first.motions, *second.motions))
+    count = len(first.motions)
+    numbers = frozenset(range(count)), frozenset(range(count, len(data.motions)))
+    inside = tuple(recording >= count for recording in data.recordings)
+    torques = [rows.torque[some] for rows, some in zip(data.rows, inside, strict=True)]
+    sizes = np.maximum([rms(torque) for torque in torques], 1e-300)
+    return TwoSets(data, refits, why, *numbers, inside, sizes)
 
 
 def _not_compared(reference: Baseline, second: Baseline) -> dict[int, str]:
@@ -207,25 +182,23 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
     causes.sort(key=lambda cause: -max((t.share_of_torque for t in cause.torques), default=0.0))
     unattributed = []
     for term in changes.accepted:
-        effect = term.candidate.effect
-        if isinstance(effect, Nonparametric):
+        if isinstance(term.candidate.effect, Nonparametric):
             made = _torques_of(sets, [term])[0]
             unattributed.append(
                 f"the recordings differ at {made.joint} by {torque(data, made.rms, made.joint)}, a "
-                f"torque that {effect.words}, {_WHERE[_side_of(sets, term)]}; nothing in the "
-                "catalogue explains it"
+                f"torque that {term.candidate.effect.words}, {_WHERE[_side_of(sets, term)]}; "
+                "nothing in the catalogue explains it"
             )
     joints, of_reference = _joints(sets, changes)
     least = settings.LEAST_NONPARAMETRIC * np.delete(sets.sizes, list(sets.not_compared))
     unexplained = [one for one, size in zip(joints, least, strict=True) if one.unexplained >= size]
-    not_compared = tuple(
-        f"{names[joint]} is not compared: {why}" for joint, why in sets.not_compared.items()
-    )
+    reasons = sets.not_compared.items()
+    not_compared = tuple(f"{names[joint]} is not compared: {why}" for joint, why in reasons)
     differs = bool(causes or unattributed or unexplained) or (None if not_compared else False)
     if differs:
         said = (*(cause.sentence for cause in causes), *unattributed)
         parts = [f"What changed from the reference recordings to {', '.join(against)}:"]
-        parts += [f"{capitalised(text)}." for text in said]
+        parts += map(sentences.as_sentence, said)
         left = ", ".join(
             f"at {one.joint} by {torque(data, one.unexplained, one.joint)}" for one in unexplained
         )
@@ -240,13 +213,9 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
             )
         sentence = " ".join(parts)
     else:
-        noisier = {
-            joint.joint: level
-            for joint, level, size in zip(joints, of_reference, least, strict=True)
-            if joint.after**2 - level**2 >= size**2
-        }
-        sentence = _no_difference(data, ", ".join(against), joints, noisier)
+        sentence = _no_difference(data, ", ".join(against), joints, of_reference, least)
     groups = sorted(sets.bags(group) for group in {change.recordings for change in numbers})
+    apart = "; ".join(map(", ".join, groups)) if len(groups) > 1 else ""
     notes = [
         "" if delay else _shift(shifts),
         *(
@@ -254,10 +223,7 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
             for name, refit in zip(("the reference", "the second set"), sets.refits, strict=True)
             if refit.turning.soft
         ),
-        "the recordings of the second set do not agree and were compared apart: "
-        f"{'; '.join(', '.join(group) for group in groups)}"
-        if len(groups) > 1
-        else "",
+        apart and f"the recordings of the second set do not agree and were compared apart: {apart}",
         why_no_law,
     ]
     named = (Kind.EFFECT, Kind.CURVE)
@@ -265,7 +231,7 @@ def contrast_of(sets: TwoSets, changes: Changes, without: Collection[str]) -> Co
         reference=sets.bags(sets.first),
         against=against,
         differs=differs,
-        sentence=" ".join([sentence, *(f"{capitalised(text)}." for text in not_compared)]),
+        sentence=" ".join([sentence, *map(sentences.as_sentence, not_compared)]),
         not_compared=not_compared,
         joints=tuple(joints),
         causes=tuple(causes),
@@ -301,10 +267,9 @@ def _structural_causes(sets: TwoSets, changes: Changes) -> list[ContrastCause]:
         else:
             change = "appeared" if other else "vanished"
             text += f" {_WHERE['reference' if one else 'against']}: {said or said_other}"
-        fields: dict[str, Any] = {"numbers": (one, other), "change": change, "joint": joints[0]}
-        if len(joints) > 1:
-            fields["other_joint"] = joints[1]
-        made.append(_of_terms(sets, changes, terms, text, **fields))
+        fields: dict[str, Any] = dict(zip(("joint", "other_joint"), joints, strict=False))
+        numbers = (one, other)
+        made.append(_of_terms(sets, changes, terms, text, change=change, numbers=numbers, **fields))
     return made
 
 
@@ -367,18 +332,13 @@ def _law_causes(sets: TwoSets, without: Collection[str]) -> tuple[list[ContrastC
             f"{spaced(name)} from {with_interval(one[name])} to {with_interval(number)}"
             for name, number in other.items()
         )
-        causes.append(
-            _cause(
-                sets,
-                CONTROL_LAW.name,
-                (one, other),
-                evidence=Evidence(2.0 * sum(term.evidence for term in differing)),
-                joint=made.joint,
-                torques=(made,),
-                sentence=f"control law of {made.joint} changed: {changed} "
-                f"({100.0 * made.share_of_torque:.3g} % of its torque)",
-            )
+        text = (
+            f"control law of {made.joint} changed: {changed} "
+            f"({100.0 * made.share_of_torque:.3g} % of its torque)"
         )
+        evidence = Evidence(2.0 * sum(term.evidence for term in differing))
+        more = {"joint": made.joint, "torques": (made,), "sentence": text, "evidence": evidence}
+        causes.append(_cause(sets, CONTROL_LAW.name, (one, other), **more))
     return causes, ""
 
 
@@ -404,10 +364,8 @@ def _delay_causes(sets: TwoSets, shifts: Mapping[str, EffectParameter]) -> list[
     """A shift of the effort that changed by more than recording makes of it."""
     numbers = {"delay": shifts["reference"]}, {"delay": shifts["against"]}
     delay = _difference(numbers[1], numbers[0])["delay"]
-    period = max(refit.shift.period for refit in sets.refits)
-    if delay.std is None or abs(delay.value) < max(
-        settings.CONTRAST_LEAST_DELAY * period, settings.CLEAR_DEVIATIONS * delay.std
-    ):
+    least = settings.CONTRAST_LEAST_DELAY * max(refit.shift.period for refit in sets.refits)
+    if delay.std is None or abs(delay.value) < max(least, settings.CLEAR_DEVIATIONS * delay.std):
         return []
     sentence = (
         f"the effort acts {1e3 * abs(delay.value):.2f} ± "
@@ -423,7 +381,7 @@ def _of_terms(
     changes: Changes,
     terms: Sequence[Term],
     text: str,
-    recordings: frozenset[int] | None = None,
+    recordings: Scope | None = None,
     **fields: Any,
 ) -> ContrastCause:
     """A cause that terms of the search are; `text`: what changed, without its torques."""
@@ -442,7 +400,7 @@ def _of_terms(
         evidence=Evidence(statistic, chosen_in_folds=times),
         indistinguishable_from=others,
         torques=torques,
-        sentence=f"{text}{listed and f'; that is {listed}'}{or_else(others)}",
+        sentence=f"{text}{listed and f'; that is {listed}'}{sentences.or_else(others)}",
         **fields,
     )
 
@@ -475,16 +433,16 @@ def _difference(against: Parameters, reference: Parameters) -> Parameters:
 
 def _side_of(sets: TwoSets, term: Term) -> str:
     """The set whose recordings a term acts in: ``reference`` or ``against``."""
-    return "against" if (term.candidate.scope or sets.first) <= sets.second else "reference"
+    return "against" if term.candidate.scope <= sets.second else "reference"
 
 
 def _torques_of(
-    sets: TwoSets, terms: Sequence[Term], recordings: frozenset[int] | None = None
+    sets: TwoSets, terms: Sequence[Term], recordings: Scope | None = None
 ) -> tuple[JointTorque, ...]:
     """RMS of their torque in the recordings where they act, at joints where it matters."""
-    data, place = sets.data, terms[0].candidate.place
+    data, joint = sets.data, terms[0].key.joint
     inside = recordings or frozenset().union(*(t.candidate.scope for t in terms))
-    first = None if place is None else data.joints[place.joint]
+    first = None if joint is None else data.joints[joint]
     sizes = zip(data.joints, rms_of(data, terms, inside), sets.sizes, strict=True)
     made = [
         JointTorque(name, float(rms), float(rms / size))
@@ -496,11 +454,15 @@ def _torques_of(
 
 
 def _no_difference(
-    data: Baseline, named: str, joints: Sequence[JointContrast], noisier: Mapping[str, float]
+    data: Baseline,
+    named: str,
+    joints: Sequence[JointContrast],
+    of_reference: Sequence[float],
+    least: FloatArray,
 ) -> str:
-    """That the sets do not differ, and where more is left of the second one.
+    """That the sets do not differ, and where more is left of the second one than of the reference.
 
-    `noisier`: what is left in the reference, rms, where that is less than in the second set.
+    `of_reference`, `least` (joints,): what is left in the reference, rms, and how much more counts.
     """
     if not joints:
         return "Nothing could be compared."
@@ -513,9 +475,9 @@ def _no_difference(
     )
     more = ", ".join(
         f"at {joint.joint} {torque(data, joint.after, joint.joint)} rms against "
-        f"{torque(data, noisier[joint.joint], joint.joint)}"
-        for joint in joints
-        if joint.joint in noisier
+        f"{torque(data, left, joint.joint)}"
+        for joint, left, size in zip(joints, of_reference, least, strict=True)
+        if joint.after**2 - left**2 >= size**2
     )
     if more:
         text += (
@@ -546,8 +508,8 @@ def _in_words(data: Baseline, term: Term) -> str:
     effect, place = term.candidate.effect, term.candidate.place
     joint = None if place is None else data.joints[place.joint]
     if isinstance(effect, Nonparametric):
-        return f"{placed('a torque', joint, 'at')} that {effect.words}"
-    return placed(effect.name, joint, "at")
+        return f"{sentences.placed('a torque', joint, 'at')} that {effect.words}"
+    return sentences.placed(effect.name, joint, "at")
 
 
 def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[float]]:
@@ -561,13 +523,13 @@ def _joints(sets: TwoSets, changes: Changes) -> tuple[list[JointContrast], list[
     after = model.residuals
     before = [rest.copy() for rest in after]
     for term in model.terms:
+        if not term.candidate.scope:
+            continue
         columns: Columns = term.columns
-        sign, acts = 1.0, bool(term.candidate.scope)
-        if acts and _side_of(sets, term) == "reference":
-            acts, sign = term.candidate.kind is not Kind.NUMBER, -1.0
-            if acts:
-                (columns,) = rows_of(data, term.effect, term.place, [term.shape])
-        for joint, rows in columns.items() if acts else ():
+        sign = 1.0
+        if _side_of(sets, term) == "reference":  # an effect or a curve: numbers are the second's
+            (columns,), sign = rows_of(data, term.effect, term.place, [term.shape]), -1.0
+        for joint, rows in columns.items():
             moved = sign * (rows @ term.coefficients) * sets.inside[joint]
             before[joint] += moved
             if term in changes.doubtful:

@@ -62,14 +62,10 @@ class LawSpeed:
         position = signals.position[:, joint]
         if self.kind != "filtered":
             return np.gradient(position, 1.0 / signals.rate)
-        difference = np.diff(position, prepend=position[:1]) * signals.rate
-        if len(difference) > 1:
-            difference[0] = difference[1]
-        rest = (1.0 - self.factor) * difference[0]
-        filtered, _ = scipy.signal.lfilter(
-            [self.factor], [1.0, self.factor - 1.0], difference, zi=[rest]
-        )
-        return np.asarray(filtered)
+        difference = np.diff(position) * signals.rate
+        difference = np.concatenate([difference[:1], difference])
+        start, part = (1.0 - self.factor) * difference[:1], [1.0, self.factor - 1.0]
+        return np.asarray(scipy.signal.lfilter([self.factor], part, difference, zi=start)[0])
 
     def lateness(self, rate: float) -> float:
         """Delay at low frequencies, s, of a speed that is computed at `rate` (Hz)."""
@@ -90,26 +86,20 @@ class LawSpeed:
 
 @dataclass(frozen=True)
 class CommandRows:
-    """Decimated rows of one joint, without those at the torque limit; (r,) each.
+    """Decimated rows of one joint, without those at the torque limit; (r,) each."""
 
-    `rest`: recorded less computed command, N m (N); `size`: RMS of the recorded one; `groups`:
-    torque of a unit of each group that may change. `errors` (r, e): torque of a unit of what a
-    recording does to commands that are those of the law: a lag of the effort; position, speed and
-    the references of both late, s; `likely` (e,): how large each of them is. `runs`: rows without a
-    gap in time; `time`: from the start of the recording, s; `second`: rows of a second set of
-    recordings. `lag`: by which what the law gives is already taken later, s.
-    """
-
-    rest: FloatArray
-    size: float
-    groups: dict[str, FloatArray]
+    rest: FloatArray  # recorded less computed command, N m (N)
+    size: float  # RMS of the recorded command, N m (N)
+    groups: dict[str, FloatArray]  # torque of a unit of each group that may change
+    # (r, e) torque of a unit of what a recording does to commands that are those of the law: a lag
+    # of the effort; position, speed and the references of both late, s.
     errors: FloatArray
-    likely: FloatArray
-    runs: tuple[slice, ...]
+    likely: FloatArray  # (e,) how large each of these errors is
+    runs: tuple[slice, ...]  # rows without a gap in time
     recording: IntArray
-    time: FloatArray
-    second: BoolArray
-    lag: float = 0.0
+    time: FloatArray  # from the start of the recording, s
+    second: BoolArray  # rows of a second set of recordings
+    lag: float = 0.0  # by which what the law gives is already taken later, s
 
     @property
     def constants(self) -> FloatArray:
@@ -175,18 +165,18 @@ class LawCommands:
             parts, _ = self._evaluated(motion, joint, speed)
             recorded = motion.signals.torque[:, joint]
             groups = [parts.groups[name] for name in CONTROL_LAW.groups]
-            given = np.stack([parts.command, -parts.rate, *parts.late.T, *groups])
+            given = np.column_stack([parts.command, -parts.rate, parts.late, *groups])
             if lag != 0.0:
-                given = shifted(given.T, lag, motion.signals.rate).T
-            table = np.vstack([recorded, recorded - given[0], given[1:]])
-            decimated = motion.decimation.whole(table[:, motion.span].T)
+                given = shifted(given, lag, motion.signals.rate)
+            table = np.column_stack([recorded, recorded - given[:, 0], given[:, 1:]])
+            decimated = motion.decimation.whole(table[motion.span])
             tables.append(np.column_stack([motion.time, decimated])[kept])
         table = np.concatenate(tables)
         first, late = 3 + TIMES, settings.LONGEST_LAG * max(self.period, self.interval)
         return CommandRows(
             rest=table[:, 2],
             size=rms(table[:, 1]),
-            groups={name: table[:, first + k] for k, name in enumerate(CONTROL_LAW.groups)},
+            groups=dict(zip(CONTROL_LAW.groups, table[:, first:].T, strict=True)),
             errors=table[:, 3:first],
             likely=np.array([late, *[_LATE * self.period] * 4]),
             runs=segments_of(every),
@@ -317,28 +307,28 @@ def _chosen(commands: LawCommands, before: LawSpeed, *, recorded: bool) -> LawSp
         return dict(zip(speeds, np.exp(0.5 * np.mean(logarithms, axis=0)).tolist(), strict=True))
 
     def score(factor: float) -> float:
+        """What a filtered speed leaves; kept for the choice that follows."""
         speed = LawSpeed("filtered", float(factor))
-        return scores([speed])[speed]
+        options.update(scores([speed]))
+        return options[speed]
 
     early = [LawSpeed(), LawSpeed("recorded")] if recorded else [LawSpeed()]
     options = scores(early + [LawSpeed("filtered", factor) for factor in _FACTORS])
-    plain, chosen = options[LawSpeed()], min(options, key=lambda speed: options[speed])
+    chosen = min(options, key=options.__getitem__)
     place = _FACTORS.index(chosen.factor)
     if chosen.kind == "filtered" and 0 < place < len(_FACTORS) - 1:
         bounds = _FACTORS[place + 1], _FACTORS[place - 1]
-        near = scipy.optimize.minimize_scalar(
+        scipy.optimize.minimize_scalar(
             score, bounds=bounds, method="bounded", options={"xatol": 1e-3}
         )
-        if near.fun < options[chosen]:
-            chosen = LawSpeed("filtered", float(near.x))
-            options[chosen] = float(near.fun)
-    if options[chosen] >= (1.0 - settings.LAW_SPEED_GAIN) * plain:
+        chosen = min(options, key=options.__getitem__)
+    if options[chosen] >= (1.0 - settings.LAW_SPEED_GAIN) * options[LawSpeed()]:
         return LawSpeed()
     if chosen.kind != "filtered":
         return chosen
     # A feedforward over the acceleration looks like a late speed: beside one, is it still late?
     left = scores([*early, chosen], "feedforward_acceleration")
-    best = min(early, key=lambda speed: left[speed])
+    best = min(early, key=left.__getitem__)
     return best if left[best] < (1.0 - settings.LAW_SPEED_GAIN) * left[chosen] else chosen
 
 
@@ -370,15 +360,12 @@ def with_law_speed(sources: InstrumentSources) -> tuple[InstrumentSources, LawCo
 
 @dataclass(frozen=True)
 class LawEvent:
-    """A stretch of time in which commands hold something that their law does not.
+    """A stretch of time in which commands hold something that their law does not."""
 
-    `begin`, `end`: s of the `recording`; `size`: its median, N m (N).
-    """
-
-    begin: float
+    begin: float  # s of the recording
     end: float
     recording: int
-    size: float
+    size: float  # median, N m (N)
 
 
 def events_in(rest: FloatArray, recording: IntArray, time: FloatArray) -> list[LawEvent]:

@@ -52,19 +52,15 @@ def stage_of(name: str, sums: Sequence[FloatArray], joints: Sequence[str]) -> St
 
 @dataclass(frozen=True)
 class HeldOut:
-    """What every stage leaves at rows that its fit did not see.
+    """What every stage leaves at rows that its fit did not see."""
 
-    `stages`: ``given`` where there is one, ``refit``, then one for each effect, their tracking not
-    yet known; `sums`: `energies` (b, 2) of each stage and joint; `gains`: of each effect, beside
-    those before it, the share of the energy of the whitened residual that it takes at the joints
-    whose torque it moves, and in how many folds it helps, of how many; `note`: how the data were
-    divided.
-    """
-
+    # ``given`` where there is one, ``refit``, one for each effect; their tracking not yet known.
     stages: tuple[Stage, ...]
-    sums: tuple[tuple[FloatArray, ...], ...]
+    sums: tuple[tuple[FloatArray, ...], ...]  # `energies` (b, 2) of each stage and joint
+    # Of each effect, beside those before it: the share of the energy of the whitened residual that
+    # it takes at the joints whose torque it moves, and in how many folds it helps, of how many.
     gains: tuple[tuple[float, int, int], ...]
-    note: str
+    note: str  # how the data were divided
 
     def gap(self, effect: int, joint: int, floor: float | None) -> Gap:
         """Gap at a joint without and with one of the effects, beside those before it."""
@@ -159,10 +155,8 @@ def folds_of(
         group[group == group[repeat.second]] = group[repeat.first]
     kinds, number = np.unique(group, return_inverse=True)
     if len(kinds) >= 3 and not interleaved:
-        return (
-            tuple(number[recording].astype(np.int64) for recording in data.recordings),
-            f"each of {len(kinds)} recordings is predicted from the others",
-        )
+        folds = tuple(number[recording].astype(np.int64) for recording in data.recordings)
+        return folds, f"each of {len(kinds)} recordings is predicted from the others"
     lengths = [len(motion.kept) for motion in data.motions]
     seconds, count = sum(lengths) / data.row_rate, int(settings.FOLDS)
     stretches = max(int(seconds / settings.INTERLEAVED_FOLD), count) if interleaved else count
@@ -191,11 +185,10 @@ def predicted(
         noise.standardized(np.column_stack([rows.matrix, rows.torque]), rows.segments)
         for rows, noise in zip(every, noise_models, strict=True)
     ]
-    factors = []
+    factors, places = [], [rows.places for rows in every]
     for number in range(1 + max(int(fold.max()) for fold in folds)):
         inside = [table[fold == number] for table, fold in zip(tables, folds, strict=True)]
-        places = [rows.places for rows in every]
-        factors.append(stacked_r_factor(list(map(r_factor, inside)), places, extended.total + 1))
+        factors.append(stacked_r_factor([*map(r_factor, inside)], places, extended.total + 1))
     stages = [[table[:, -1].copy() for table in tables] for _ in ends]
     leak = np.sqrt(_FOLD_LEAK)
     for number, left_out in enumerate(factors):

@@ -34,13 +34,10 @@ class Repeat:
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Noise of one joint in the band of the rows, `sigma` in N m (N), and what it is made of.
+    """Noise of one joint in the band of the rows, and what it is made of."""
 
-    `origin`: ``repeats`` or ``lower bound``.
-    """
-
-    sigma: float | None
-    origin: str
+    sigma: float | None  # N m (N)
+    origin: str  # ``repeats`` or ``lower bound``
     note: str
 
 
@@ -59,21 +56,19 @@ def noise_floors(data: Baseline, fit: Fit, repeats: Sequence[Repeat]) -> tuple[N
         if rows.left_out:
             floors.append(NoiseFloor(None, LOWER_BOUND, ""))
             continue
-        energy, degrees = 0.0, 0.0
+        energy = np.zeros(2)  # and its degrees of freedom
         for repeat in repeats:
             one, two = _matching(data, joint, repeat)
-            if len(one) < settings.LEAST_ROWS + rows.matrix.shape[1]:
-                continue
-            difference = fit.residuals[joint][one] - fit.residuals[joint][two]
-            more, count = difference_energy(difference, rows.matrix[one])
-            energy, degrees = energy + more, degrees + count
+            if len(one) >= settings.LEAST_ROWS + rows.matrix.shape[1]:
+                difference = fit.residuals[joint][one] - fit.residuals[joint][two]
+                energy += difference_energy(difference, rows.matrix[one])
         sigma, origin = float(fit.noise_models[joint].sigma), LOWER_BOUND
         note = (
             "no recording repeats another or itself: innovations of the last residual, below "
             "the noise if that residual is all noise, above it if an effect is left in it"
         )
-        if degrees > 0.0:
-            sigma, origin = float(np.sqrt(0.5 * energy / degrees)), REPEATS
+        if energy[1] > 0.0:
+            sigma, origin = float(np.sqrt(0.5 * energy[0] / energy[1])), REPEATS
             note = "difference of repeats, less what changed parameters of the model explain"
         floors.append(NoiseFloor(sigma, origin, note))
     return tuple(floors)
@@ -135,7 +130,11 @@ def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: 
         return None
     if itself:
         close = np.split(close, np.flatnonzero(np.diff(close) > 1) + 1)[0]
-    return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
+    coarse = int(lags[close][np.argmin(distance[close])]) * stride
+    lags, distance, _ = _distances(one, two)
+    distance[np.abs(lags - coarse) > stride] = np.inf
+    best = int(np.argmin(distance))
+    return int(lags[best]) if distance[best] < settings.REPEAT_TOLERANCE else None
 
 
 def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -163,31 +162,19 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
 
 
-def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
-    def distance(shift: int) -> float:
-        low, high = max(0, -shift), min(len(one), len(two) - shift)
-        part = one[low:high]
-        squares = np.sum((part - two[low + shift : high + shift]) ** 2)
-        return float(np.sqrt(squares / np.sum((part - part.mean(axis=0)) ** 2)))
-
-    best = min(range(lag - stride, lag + stride + 1), key=distance)
-    return best if distance(best) < settings.REPEAT_TOLERANCE else None
-
-
 def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:
     """Rows of a joint that the repeat makes equal, in pairs."""
     motions = data.prepared.motions
     fastest = max(motion.signals.rate for motion in motions)
     numbers, samples = [], []
     for recording in (repeat.first, repeat.second):
-        motion, rows = motions[recording], np.flatnonzero(data.recordings[joint] == recording)
+        motion, scale = motions[recording], fastest / motions[recording].signals.rate
         kept = motion.decimation.kept[motion.kept[:, joint]]
-        numbers.append(rows)
-        samples.append(fastest / motion.signals.rate * (motion.span.start + kept))
+        numbers.append(np.flatnonzero(data.recordings[joint] == recording))
+        samples.append(scale * (motion.span.start + kept))
     if len(numbers[1]) == 0:
         return numbers[1], numbers[1]
     wanted, others = samples[0] + repeat.lag, samples[1]
     nearest = np.searchsorted(0.5 * (others[1:] + others[:-1]), wanted)
-    step = fastest / motion.signals.rate * motion.decimation.factor
-    close = 2 * np.abs(others[nearest] - wanted) <= step
+    close = 2 * np.abs(others[nearest] - wanted) <= scale * motion.decimation.factor
     return numbers[0][close], numbers[1][nearest[close]]

@@ -117,28 +117,21 @@ class Stage:
 
 @dataclass(frozen=True)
 class GapSeries:
-    """Rows of one joint over all recordings, for the figures; (r,) each.
-
-    `time`: of the session, s, which increases; `torque`, `given`, `refit`, `extended`: measured,
-    and of three models, N m (N); `given` is None without a nominal model; `friction`,
-    `given_friction`: friction and offset of the extended and of the nominal model; `load`: torque
-    of the rigid bodies alone; `since_reversal`: distance since the last one, rad; `step`: between
-    two rows, s.
-    """
+    """Rows of one joint over all recordings, for the figures; (r,) each, torques in N m (N)."""
 
     joint: str
-    time: FloatArray
-    torque: FloatArray
-    given: FloatArray | None
+    time: FloatArray  # of the session, s, which increases
+    torque: FloatArray  # measured
+    given: FloatArray | None  # of the nominal model; None without one
     refit: FloatArray
     extended: FloatArray
-    friction: FloatArray
-    given_friction: FloatArray | None
+    friction: FloatArray  # friction and offset of the extended model
+    given_friction: FloatArray | None  # and of the nominal one
     position: FloatArray
     speed: FloatArray
-    load: FloatArray
-    since_reversal: FloatArray
-    step: float
+    load: FloatArray  # torque of the rigid bodies alone
+    since_reversal: FloatArray  # distance since the last one, rad
+    step: float  # between two rows, s
 
 
 @dataclass(frozen=True)

@@ -69,15 +69,12 @@ class Transmission:
 
 @dataclass(frozen=True)
 class TransmissionSeries:
-    """Twist over load of one joint, less time offset, position and constants.
-
-    (r,) each: load in N m, twist in rad, and the direction of motion, −1 to 1.
-    """
+    """Twist over load of one joint, less time offset, position and constants; (r,) each."""
 
     joint: str
-    load: FloatArray
-    twist: FloatArray
-    direction: FloatArray
+    load: FloatArray  # N m
+    twist: FloatArray  # rad
+    direction: FloatArray  # of motion, −1 to 1
 
 
 @dataclass(frozen=True)
