@@ -130,11 +130,7 @@ def _lag(one: FloatArray, two: FloatArray, rate: float, stride: int, *, itself: 
         return None
     if itself:
         close = np.split(close, np.flatnonzero(np.diff(close) > 1) + 1)[0]
-    coarse = int(lags[close][np.argmin(distance[close])]) * stride
-    lags, distance, _ = _distances(one, two)
-    distance[np.abs(lags - coarse) > stride] = np.inf
-    best = int(np.argmin(distance))
-    return int(lags[best]) if distance[best] < settings.REPEAT_TOLERANCE else None
+    return _refined(one, two, int(lags[close][np.argmin(distance[close])]) * stride, stride)
 
 
 def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -160,6 +156,19 @@ def _distances(one: FloatArray, two: FloatArray) -> tuple[IntArray, FloatArray, 
     squares = np.maximum(energy_a + energy_b - 2.0 * cross, 0.0) / overlap
     ratio = squares / np.where(moving, spread, 1.0)
     return lags, np.where(moving, np.sqrt(ratio), np.inf), overlap
+
+
+def _refined(one: FloatArray, two: FloatArray, lag: int, stride: int) -> int | None:
+    """The best shift near a coarse one; the whole of `_distances` would take much memory."""
+
+    def distance(shift: int) -> float:
+        low, high = max(0, -shift), min(len(one), len(two) - shift)
+        part = one[low:high]
+        squares = np.sum((part - two[low + shift : high + shift]) ** 2)
+        return float(np.sqrt(squares / np.sum((part - part.mean(axis=0)) ** 2)))
+
+    best = min(range(lag - stride, lag + stride + 1), key=distance)
+    return best if distance(best) < settings.REPEAT_TOLERANCE else None
 
 
 def _matching(data: Baseline, joint: int, repeat: Repeat) -> tuple[IntArray, IntArray]:
