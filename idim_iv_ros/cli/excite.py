@@ -31,10 +31,12 @@ _CONDITION_NUMBERS = {
 }
 
 
-# Options that belong to one purpose.
-_OPTIONS_OF = {
-    "identification": ("period", "repeats", "harmonics", "torque_noise", "time_limit", "criterion"),
-    "diagnosis": ("duration",),
+# Purposes that have an option.
+_IDENTIFICATION = ("period", "repeats", "harmonics", "torque_noise", "time_limit", "criterion")
+_PURPOSES = {
+    **dict.fromkeys(_IDENTIFICATION, ("identification",)),
+    "duration": ("diagnosis",),
+    "start": ("identification", "diagnosis"),
 }
 
 
@@ -62,7 +64,7 @@ def excite_command(
         None, metavar="Q,Q,…", help="Posture at rest, rad (m). Default: chosen."
     ),
     rate: float = Option(1000.0, help="Samples per second of the CSV."),
-    criterion: Literal["condition", "precision"] = Option(
+    criterion: Literal["condition", "precision"] = _fourier(
         "condition", help="Least condition number, or least standard deviations (faster motion)."
     ),
     seed: int = Option(1, min=0, help="Of the random starts, and of the multisine's phases."),
@@ -90,17 +92,16 @@ def excite_command(
     from idim_iv_ros.excitation.diagnosis import design_diagnosis
     from idim_iv_ros.excitation.limits import motion_limits
 
-    for other, names in _OPTIONS_OF.items():
-        sources = [context.get_parameter_source(name) for name in names if other != purpose]
-        given = [source is not None and source.name == "COMMANDLINE" for source in sources]
-        if any(given):
-            option = f"--{names[given.index(True)].replace('_', '-')}"
-            raise UsageError(f"{option} belongs to --for {other}, and this is --for {purpose}")
+    for name, purposes in _PURPOSES.items():
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE" and purpose not in purposes:
+            option, where = name.replace("_", "-"), " and ".join(purposes)
+            raise UsageError(f"--{option} belongs to --for {where}, and this is --for {purpose}")
     output = Output(quiet=quiet, as_json=as_json)
     configuration = load_configuration(config)
     model = motions.load_model(configuration)
-    most = None if acceleration is None else shared.numbers("--acceleration", acceleration)
-    limits = motion_limits(model, configuration, margin=margin, acceleration=most, floor=floor)
+    given = None if acceleration is None else shared.numbers("--acceleration", acceleration)
+    limits = motion_limits(model, configuration, margin=margin, acceleration=given, floor=floor)
     posture = None if start is None else np.array(shared.numbers("--start", start))
     output.warn(model.robot.doubts)
     motions.require_place(out, force=force)

@@ -40,12 +40,14 @@ def structural_cause(data: Baseline, cause: Cause, meaning: str) -> str:
     where, gap = " and ".join(filter(None, (cause.joint, cause.other_joint))), cause.torque_gap
     floor = gap.noise_floor
     noise = "" if floor is None else f" (noise {torque(data, floor, cause.joint)})"
+    falls = f"the torque gap at {cause.joint} falls"
+    if gap.after >= gap.before:
+        falls = f"beside new numbers, all of them free, the torque gap at {cause.joint} goes"
     return (
         f"{spaced(cause.effect)} at {where}{meaning and f' ({meaning})'}, "
-        f"{likely(cause.probability)}: {listed_numbers(cause.effect, cause.parameters)}; the "
-        f"torque gap at {cause.joint} falls from {gap.before:.3g} to "
-        f"{torque(data, gap.after, cause.joint)} on data not used to fit it{noise}"
-        f"{or_else(cause.indistinguishable_from)}"
+        f"{likely(cause.probability)}: {listed_numbers(cause.effect, cause.parameters)}; {falls} "
+        f"from {gap.before:.3g} to {torque(data, gap.after, cause.joint)} on data not used to fit "
+        f"it{noise}{or_else(cause.indistinguishable_from)}"
     )
 
 

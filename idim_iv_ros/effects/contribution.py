@@ -100,7 +100,7 @@ class TorqueTerm:
 
     law: TorqueLaw
     values: tuple[float, ...]
-    friction: bool = False  # Whether it is kept from driving only together with the model's
+    friction: bool = False  # Whether only with the model's friction it must not drive
     dry: bool = False  # Whether it lets the joint stick
     replaced: float = 0.0  # Model's Coulomb friction that it takes the place of, N m (N)
     load: Load = Load.LINKS

@@ -49,8 +49,8 @@ class Place:
 class JointRange:
     """What the recordings cover at one joint, and what is small and large there."""
 
-    low: float  # Position, rad (m)
-    high: float
+    low: float  # Lowest position, rad (m)
+    high: float  # Highest position, rad (m)
     slowest: float  # Speed below which rows do not count, rad/s (m/s)
     fastest: float  # Highest speed, rad/s (m/s)
     mean_speed: float  # Mean modulus, rad/s (m/s)

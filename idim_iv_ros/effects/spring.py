@@ -26,7 +26,7 @@ class LineShape(Shape):
     highest: float
 
 
-class CubicShape(LineShape):
+class CubicShape(LineShape):  # has the same numbers: it is asked for before a line is
     """Lowest and highest position, rad: outside them a cubic polynomial is constant."""
 
 

@@ -74,7 +74,7 @@ def propose_law(motions: Sequence[Motion]) -> tuple[dict[str, object], str]:
         later = np.concatenate([signals.torque[1:], signals.torque[-1:]])
         between = replace(signals, torque=0.5 * (signals.torque + later))
         pairs = ((signals, 0.0), (between, 0.5))
-        fits += [(fit_controller(of, cutoff=cutoff), later) for of, later in pairs]
+        fits += [(fit_controller(some, cutoff=cutoff), half) for some, half in pairs]
     fit, half = max(fits, key=lambda pair: float(pair[0].r_squared.sum()))
     worst = float(fit.r_squared.min())
     if worst < _LEAST_R_SQUARED:

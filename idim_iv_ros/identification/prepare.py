@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from idim_iv_ros.configuration import Configuration
 from idim_iv_ros.errors import DataError, UsageError
 from idim_iv_ros.estimation.least_squares import unseen_parameters
 from idim_iv_ros.estimation.rows import JointRows
 from idim_iv_ros.files import FilePaths
-from idim_iv_ros.identification.result import BagSummary
 from idim_iv_ros.identification.sanity import JointFinding, joint_findings, repeats_motion
 from idim_iv_ros.model import InverseModel, build_inverse_model, read_urdf_file, read_urdf_text
 from idim_iv_ros.progress import Progress
@@ -21,6 +21,9 @@ from idim_iv_ros.signals.cutoffs import Cutoffs, choose_cutoffs
 from idim_iv_ros.signals.joint_side import joint_side
 from idim_iv_ros.signals.motion import Motion, filter_motion
 from idim_iv_ros.types import FloatArray
+
+if TYPE_CHECKING:
+    from idim_iv_ros.identification.result import BagSummary
 
 ARMATURE_MISSING = (
     "no simulator.armature is given: the drives of the nominal model have no inertia; give it in "
@@ -171,7 +174,7 @@ def _advice(recordings: Sequence[Recording], configuration: Configuration) -> tu
     )
 
 
-def loss_sentences(recordings: Sequence[Recording | BagSummary]) -> tuple[str, ...]:
+def loss_sentences(recordings: Sequence["Recording | BagSummary"]) -> tuple[str, ...]:
     """Say what measurements of each recording were lost, or left out because a channel froze."""
     sentences: list[str] = []
     for recording in recordings:

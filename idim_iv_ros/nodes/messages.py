@@ -24,7 +24,8 @@ def message_of(
 
     Values in `given` take precedence. Numbers that are None become NaN, texts that are None empty;
     without a `part` all fields not given do. Times, also that of a header, are ns since 1970.
-    `other_names` has, by type of message, a function from the object to fields of other names.
+    `other_names` has, by type of message, a function from the object to the fields that differ from
+    its attributes.
     """
     forms: Mapping[str, str] = kind.get_fields_and_field_types()  # type: ignore[attr-defined]
     if part is not None and kind in other_names:

@@ -54,8 +54,8 @@ class Remainder:
     coordinates: Coordinates  # Links and loads of the maximum as references
     # (q, q): lower triangular; root @ root.T is the covariance of x of these coordinates
     root: FloatArray
-    open_links: float  # Relative size
-    open_drives: float  # Relative size
+    open_links: float  # One relative size that is left open for all links
+    open_drives: float  # The same for all drives
 
 
 @dataclass(frozen=True)

@@ -105,9 +105,10 @@ def difference_rows(result: GapResult) -> list[tuple[str, str, str]]:
     """Return rows on recordings that differ from the others: its name, effect and joint, size."""
     rows = []
     for recording in result.recordings:
-        for of in recording.differences:
-            size = _size_words(of.effect, of.parameters) or MISSING
-            rows.append((recording.bag, gap_words.effect_at(of.effect, of.joint), size))
+        for difference in recording.differences:
+            size = _size_words(difference.effect, difference.parameters) or MISSING
+            where = gap_words.effect_at(difference.effect, difference.joint)
+            rows.append((recording.bag, where, size))
     return rows
 
 

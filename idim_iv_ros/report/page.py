@@ -14,6 +14,7 @@ from plotly.offline import get_plotlyjs
 
 from idim_iv_ros.diagnosis.result.document import GapResult
 from idim_iv_ros.effects.cause import surest
+from idim_iv_ros.effects.registry import parameter_words
 from idim_iv_ros.excitation.diagnosis import separating_motion
 from idim_iv_ros.files import GENERATOR
 from idim_iv_ros.identification.result import IdentificationResult
@@ -69,17 +70,17 @@ def report_html(result: IdentificationResult, files: Files = UNPLACED) -> str:
     """
     estimator, joints = result.estimator.upper(), plural(len(result.joints), "joint")
     seconds = with_unit(sum(bag.duration for bag in result.bags), "s")
-    of = f"{estimator} identification of {joints} from {seconds} of recording"
+    subtitle = f"{estimator} identification of {joints} from {seconds} of recording"
     sections = _sections(Report(result, files), IDENTIFICATION)
-    return page_html(result.robot, "dynamic parameters", of, sections)
+    return page_html(result.robot, "dynamic parameters", subtitle, sections)
 
 
 def gap_report_html(result: GapResult, files: Files = UNPLACED) -> str:
     """Return the report of a diagnosis as one self-contained HTML document; see `report_html`."""
     seconds = with_unit(gap_words.duration(result), "s")
-    of = f"Diagnosis of {plural(len(result.joints), 'joint')} from {seconds} of recording"
+    subtitle = f"Diagnosis of {plural(len(result.joints), 'joint')} from {seconds} of recording"
     sections = _sections(Report(result, files), DIAGNOSIS)
-    return page_html(result.robot, "sim-to-real gap", of, sections)
+    return page_html(result.robot, "sim-to-real gap", subtitle, sections)
 
 
 @cache
@@ -97,9 +98,12 @@ def environment() -> Environment:
     )
     templates.filters |= dict(getmembers(numerals, isfunction))
     for module in (gap_words, advice, drives, parameters, provenance, robot, torque, validation):
-        templates.globals |= dict(getmembers(module, isfunction))
+        for name, function in getmembers(module, isfunction):
+            if function.__module__ == module.__name__ and not name.startswith("_"):
+                templates.globals[name] = function
     templates.globals |= {"badges": advice.BADGES, "families": advice.FAMILIES}
     templates.globals |= {"surest": surest, "separating_motion": separating_motion}
+    templates.globals |= {"parameter_words": parameter_words, "is_interval": numerals.is_interval}
     templates.tests["finite"] = numerals.is_number
     return templates
 

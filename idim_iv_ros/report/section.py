@@ -124,8 +124,9 @@ class Report(Generic[R]):
 class Section:
     """One section of a page.
 
-    The template is `template`, else that with the name of the anchor. Where it prints nothing, the
-    section is left out.
+    The template is `template`, else that with the name of the anchor. It has the `report`, its
+    `result` and `files`, whether that is a `diagnosis`, `anchor` and `title`, and may call the
+    functions of `page.environment`. Where it prints nothing, the section is left out.
     """
 
     title: str

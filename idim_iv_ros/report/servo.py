@@ -171,9 +171,9 @@ def error_rows(result: ServoResult) -> list[tuple[str, ...]]:
 def gain_rows(result: ServoResult) -> list[tuple[str, ...]]:
     """Return recording, joint, given gain, estimated gain, its interval, and whether they agree."""
     rows: list[tuple[str, ...]] = []
-    for of in result.gains:
-        numbers = f"{of.given:.4g}", f"{of.estimated:.4g}", f"{of.low:.4g} to {of.high:.4g}"
-        rows.append((of.recording, of.joint, *numbers, "agrees" if of.agrees else "wrong"))
+    for gain in result.gains:
+        numbers = f"{gain.given:.4g}", f"{gain.estimated:.4g}", f"{gain.low:.4g} to {gain.high:.4g}"
+        rows.append((gain.recording, gain.joint, *numbers, "agrees" if gain.agrees else "wrong"))
     return rows
 
 

@@ -259,6 +259,8 @@ def noise_density(values: FloatArray, rate: float, lowest: float) -> FloatArray:
 
     The median over frequencies from `lowest`, Hz, on (Welch).
     """
-    segment = min(len(values), max(64, int(_SEGMENT * rate)))
-    frequency, density = scipy.signal.welch(values, fs=rate, nperseg=segment, axis=0)
-    return np.asarray(np.median(density[frequency >= lowest], axis=0))
+    segment, levels = min(len(values), max(64, int(_SEGMENT * rate))), []
+    for column in values.T:  # one after the other: windows and spectra of an hour are large
+        frequency, density = scipy.signal.welch(column, fs=rate, nperseg=segment)
+        levels.append(float(np.median(density[frequency >= lowest])))
+    return np.array(levels)

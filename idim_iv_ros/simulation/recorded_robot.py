@@ -52,6 +52,7 @@ def record_simulated_robot(
     stamp_jitter: float = 0.0,
     plant_oversampling: int = 4,
     effects: Sequence[SimulatedEffect] | None = None,
+    start_time: float = 0.0,
 ) -> SimulatedRecording:
     """Simulate a robot from rest on its reference, and record it.
 
@@ -69,7 +70,8 @@ def record_simulated_robot(
     - `stamp_jitter`: standard deviation of the stamps, s, held below 0.45 sample periods so that
       their order stays
     - `plant_oversampling`: plant steps in a control period (more where they would exceed 0.5 ms)
-    - `effects`: see `simulate_closed_loop`; what is recorded is what the encoders show
+    - `effects`, `start_time`: see `simulate_closed_loop`; what is recorded is what the encoders
+      show
 
     Raises ValueError: the control period does not divide the sample period.
     """
@@ -106,6 +108,7 @@ def record_simulated_robot(
         disturbance=drift,
         plant_step=period / steps,
         effects=effects,
+        start_time=start_time,
     )
     rng = np.random.default_rng(seed)
     position = truth.measured_position[::ratio].copy()

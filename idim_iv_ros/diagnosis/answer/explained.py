@@ -65,14 +65,13 @@ class AssessedTerm:
 class Explained:
     """What the gap is explained by: causes, and the refit with those that are effects.
 
-    `numbers`: last those of which the nominal model says nothing; `outside`: free curves, and
-    effects that are not adequate: what the catalogue does not explain. `whole`: with what of this
-    matters, and with the numbers that no base parameters hold, too.
+    What the catalogue does not explain is `outside`: free curves, and effects that are not
+    adequate. The `whole` fit has what of this matters, and numbers that no base parameters hold.
     """
 
     selection: Selection
     effects: tuple[AssessedTerm, ...]  # causes of structure, in the order of the stages
-    numbers: tuple[AssessedTerm, ...]  # causes among the nominal numbers
+    numbers: tuple[AssessedTerm, ...]  # causes of the nominal model; last those it does not give
     doubtful: tuple[AssessedTerm, ...]  # selected and no causes
     outside: tuple[Term, ...]
     regression: Regression  # of the refit, with one block for each effect

@@ -61,7 +61,7 @@ class MissingGravity:
     noise, and the likelihood hardly separates them.
     """
 
-    configured: bool  # whether there is another one
+    configured: bool  # whether the configuration has one, another than this
     acceleration: FloatArray  # (3,) m/s², base frame
     deviation: FloatArray  # (3,) m/s²
     statistic: float

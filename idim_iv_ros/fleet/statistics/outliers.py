@@ -46,8 +46,13 @@ def choose(groups: Sequence[FloatArray]) -> list[Chosen]:
 
     A group has p-values (k, m), NaN where none was computed; k and m may differ.
     """
-    # The p-value of all quantities of a unit together is the smallest adjusted one.
-    simes = [np.array([np.fmin.reduce(_adjusted(unit)) for unit in group]) for group in groups]
+    simes = []  # p-values of all quantities of a unit together
+    for p_values in groups:
+        ordered = np.sort(p_values, axis=1)  # NaN last
+        counts = np.isfinite(ordered).sum(axis=1, keepdims=True)
+        ranks = np.arange(1, p_values.shape[1] + 1)
+        smallest = np.min(ordered * counts / ranks, axis=1, initial=np.inf, where=ranks <= counts)
+        simes.append(np.where(counts[:, 0] > 0, np.minimum(smallest, 1.0), np.nan))
     units = np.concatenate([np.zeros(0), *simes])
     chosen = _adjusted(units) <= FALSE_DISCOVERIES
     within = FALSE_DISCOVERIES * float(chosen.sum()) / max(int(np.isfinite(units).sum()), 1)

@@ -82,7 +82,8 @@ class Collector(NodeProgram[CollectorSettings]):
         """Return whether clients were seen before, and none in the last two looks.
 
         A server does not learn who called: only without any client it is certain that nobody waits
-        for an answer. A killed client is listed until its lease ends, usually 20 s.
+        for an answer. A killed client is listed until its lease in the middleware ends,
+        usually 20 s.
         """
         if time.monotonic() - self._looked > _BETWEEN_LOOKS:
             self._looked = time.monotonic()

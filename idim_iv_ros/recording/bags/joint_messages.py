@@ -29,10 +29,13 @@ _STAMP = slice(4, 12)  # in the bytes of a JointState
 
 @dataclass(frozen=True)
 class JointMessages:
-    """All messages of one topic, in the order of the file; `stamp_messages` puts them in time's."""
+    """All messages of one topic, in the order of the file; `stamp_messages` sorts them by time.
+
+    `stamps`: those of the headers, zero without; of sorted messages increasing times of sampling.
+    """
 
     topic: str
-    stamps: IntArray  # (n,), of the header (zero without), then increasing times of sampling, ns
+    stamps: IntArray  # (n,), ns
     arrival: IntArray  # (n,), log time, ns
     values: dict[str, FloatArray]  # (n, n_joints) by quantity, NaN where a message lacks the joint
     layout: IntArray  # (n,), number of the layout (joint order, fields) of each message

@@ -172,7 +172,7 @@ class ClosedBag:
     lost: int = 0
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class GrowingBag:
     """One bag while it is recorded.
 
@@ -194,6 +194,7 @@ class GrowingBag:
     def __post_init__(self) -> None:
         self.closed: list[FileSummary] = []
         self._due: dict[str, Message] = {}
+        self.latched, self.topics = dict(self.latched), dict(self.topics)  # they grow
         self.folder.mkdir(parents=True)
         try:
             self._begin_file(0)

@@ -18,7 +18,7 @@ def repeat_command(report: Report[Any]) -> str:
     """Return the command that repeats the numbers of a page."""
     result = report.result
     # Whoever reads the page elsewhere has the configuration from it, not its folder.
-    name = PurePath(report.files.config).name
+    name = file_name(report.files.config)
     if isinstance(result, GapResult):
         options = [word for effect in result.without for word in ("--without", effect)]
         words = ["diagnose", *result.bags, "--config", name, "--out", "why", *options]
@@ -27,6 +27,11 @@ def repeat_command(report: Report[Any]) -> str:
         bags = [bag.path for bag in result.bags]
         words = ["identify", *bags, "--config", name, "--out", "results", *options]
     return f"idim-iv {shell_command(*words)}"
+
+
+def file_name(path: str) -> str:
+    """Return the last part of a path."""
+    return PurePath(path).name
 
 
 def configuration_text(configuration: dict[str, object]) -> str:
