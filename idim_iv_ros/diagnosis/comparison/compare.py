@@ -211,7 +211,7 @@ class _Ranking:
     """Options beside one model, in the order of their evidence."""
 
     def __init__(self, comparison: Comparison, terms: Sequence[Term], *, curves: bool) -> None:
-        self.comparison, self.model = comparison, comparison.with_terms(terms)
+        self.comparison, self.model, self.curves = comparison, comparison.with_terms(terms), curves
         options, nominal = comparison.options, comparison.nominal
         self.products = self.model.options_left()
         bound = np.empty(len(options.candidate))
@@ -292,12 +292,13 @@ class _Ranking:
         """The best one that is present and that physics allows, of a place that is not banned.
 
         Scores of the same torque differ as the estimates of its dispersion do: effects and places
-        of nearly the best score are compared as a whole.
+        of nearly the best score are compared as a whole, and so are all curves, whose numbers of
+        coefficients differ.
         """
         rows = self.allowed(banned)
         of_key: dict[int, int] = {}
         for row in rows:
-            if self.score[row] >= self._nearly(rows[0]):
+            if self.curves or self.score[row] >= self._nearly(rows[0]):
                 of_key.setdefault(int(self.comparison.options.key[self.order[row]]), row)
         terms = [self.term(row, rows) for row in list(of_key.values())[:_MOST_ALIKE]]
         if len(terms) < 2:
@@ -325,7 +326,7 @@ class _Ranking:
             alone = acts_with and acts_with not in parts
             if alone or options.keys[options.key[k]] in banned or self.numbers(row) is None:
                 continue
-            if not rows:
+            if not rows and not self.curves:
                 least = max(least, min(self._nearly(row), float(score[row]) - settings.NEAR))
             rows.append(row)
         return rows

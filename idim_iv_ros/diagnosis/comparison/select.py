@@ -106,10 +106,11 @@ def _curve_in_place(
     """The effect in whose place a free curve gains most, and that curve.
 
     A shape that comes near what no effect describes is chosen first, having fewer numbers. A curve
-    that is the effect in another form leaves it its name. None where no other curve of an effect's
-    joint is clearly likelier than the effect.
+    that is the effect in another form leaves it its name; one with more coefficients than the
+    effect has numbers gains from what the effect's shape misses. None where no other curve of an
+    effect's joint is clearly likelier than the effect.
     """
-    best, most = None, float(settings.LEAST_SUPPORT)
+    best, most = None, 0.0
     usual = comparison.objective((*terms, *curves))
     for term in terms:
         if not term.is_effect:
@@ -118,8 +119,9 @@ def _curve_in_place(
         curve = comparison.curve(others, term)
         if curve is None or curve.candidate.scope != term.candidate.scope:
             continue
-        missed = settings.MISFIT_OF_OTHERS**2 * max(usual - comparison.objective(others), 0.0)
-        gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT - missed
+        gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT
+        if curve.width > term.width + len(term.shape.numbers):
+            gain -= settings.MISFIT_OF_OTHERS**2 * max(usual - comparison.objective(others), 0.0)
         if gain > most and curve.place.joint == term.place.joint:
             best, most = (term, curve), gain
     return best
