@@ -135,20 +135,24 @@ def test_what_shapes_miss_at_one_joint_says_nothing_of_another() -> None:
     assert evidence(0.5, 0.5, beside=True) > 0.4 * evidence(0.5, 0.5, beside=False)
 
 
-@pytest.mark.parametrize("one_sided", [True, False], ids=["stop", "spring"])
-def test_a_stop_at_one_side_is_no_spring(data: Baseline, one_sided: bool) -> None:
+@pytest.mark.parametrize(
+    ("stiffness", "part"),
+    [(8.0, 0.25), (1.0, 0.25), (2.0, 0.3), (0.0, 0.25)],
+    ids=["stop", "soft stop", "stop like a spring and a ripple", "spring"],
+)
+def test_a_stop_at_one_side_is_no_spring(data: Baseline, stiffness: float, part: float) -> None:
     """A bumper that is met at the end of the range, and a cable that stiffens over all of it."""
     position = np.concatenate([motion.position[:, 1] for motion in data.motions])
     low, high = float(position.min()), float(position.max())
-    start, span = high - 0.25 * (high - low), high - low
+    start, span = high - part * (high - low), high - low
 
     def torque(m: SmoothMotion) -> np.ndarray:
         beyond = np.maximum(m.position[:, 1] - start, 0.0) / span
-        meets = beyond * (8.0 + 0.4 * m.velocity[:, 1])
+        meets = beyond * (stiffness + 0.4 * m.velocity[:, 1])
         stiffens = 0.15 * np.sinh((m.position[:, 1] - 0.5 * (low + high)) / (0.2 * span))
-        return np.asarray(meets if one_sided else stiffens)
+        return np.asarray(meets if stiffness else stiffens)
 
-    rows = world(data, 21, 1, torque)
+    rows, one_sided = world(data, 21, 1, torque), bool(stiffness)
     selection = selected(data, rows)
     assert names_of(selection) == ([] if one_sided else [("spring", 1)])
     assert [curve.effect.name for curve in selection.curves] == (

@@ -85,15 +85,14 @@ class Comparison:
         allowed = ranking.allowed(())
         return [ranking.term(k, allowed) for k in rows.tolist() if ranking.numbers(k) is not None]
 
-    def curve(self, terms: Sequence[Term], replaced: Term | None = None) -> Term | None:
+    def curve(self, terms: Sequence[Term], replaced: Sequence[Term] = ()) -> Term | None:
         """The likeliest free curve beside terms; None if nothing is left for one.
 
-        Curves that are another form of one of them, or of an effect that is `replaced`, are out: so
+        Curves that are another form of one of them, or of effects that are `replaced`, are out: so
         it is with friction over time, position or load, of which the catalogue has one effect each;
         friction over speed may be one of several.
         """
-        effects = [term for term in terms if term.is_effect]
-        effects += [] if replaced is None else [replaced]
+        effects = [term for term in (*terms, *replaced) if term.is_effect]
         forms: set[Key] = set()
         for curve in (curve for curve in NONPARAMETRIC if curve.part):
             kind = curve.part, curve.family

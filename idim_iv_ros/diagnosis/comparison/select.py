@@ -16,7 +16,7 @@ import scipy
 
 from idim_iv_ros.compilation import return_freed_memory
 from idim_iv_ros.diagnosis import settings
-from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind
+from idim_iv_ros.diagnosis.comparison.candidate import Catalogue, Kind, Scope
 from idim_iv_ros.diagnosis.comparison.compare import Comparison
 from idim_iv_ros.diagnosis.comparison.ledger import RELATIVE_ERRORS, Ledger, noise_of
 from idim_iv_ros.diagnosis.comparison.model_with_terms import ModelWithTerms, NominalErrors, Term
@@ -87,9 +87,10 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     displaced: list[tuple[Term, Term]] = []
     curves: list[Term] = []
     while (swap := _curve_in_place(comparison, terms, curves)) is not None:
-        terms = tuple(term for term in terms if term is not swap[0])
-        displaced.append(swap)
-        curves.append(swap[1])
+        gone, curve = swap
+        terms = tuple(term for term in terms if term not in gone)
+        displaced += [(term, curve) for term in gone]
+        curves.append(curve)
     if displaced:
         terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:
@@ -102,29 +103,39 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
 
 def _curve_in_place(
     comparison: Comparison, terms: Terms, curves: Sequence[Term]
-) -> tuple[Term, Term] | None:
-    """The effect in whose place a free curve gains most, and that curve.
+) -> tuple[Terms, Term] | None:
+    """The effect, or those of one family at a joint, in whose place a free curve gains most.
 
     A shape that comes near what no effect describes is chosen first, having fewer numbers. A curve
     that is the effect in another form leaves it its name; one with more coefficients than the
-    effect has numbers gains from what the effect's shape misses. None where no other curve of an
-    effect's joint is clearly likelier than the effect.
+    effects have numbers gains from what their shapes miss. None where no other curve of their
+    joint is clearly likelier; else the curve, too.
     """
     best, most = None, 0.0
     usual = comparison.objective((*terms, *curves))
-    for term in terms:
-        if not term.is_effect:
-            continue
-        others = [*(other for other in terms if other is not term), *curves]
-        curve = comparison.curve(others, term)
-        if curve is None or curve.candidate.scope != term.candidate.scope:
-            continue
-        gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT
-        if curve.width > term.width + len(term.shape.numbers):
-            gain -= settings.MISFIT_OF_OTHERS**2 * max(usual - comparison.objective(others), 0.0)
-        if gain > most and curve.place.joint == term.place.joint:
-            best, most = (term, curve), gain
+    families: dict[tuple[str, int, Scope], list[Term]] = {}
+    for term in (term for term in terms if term.is_effect):
+        alike = term.effect.family, term.place.joint, term.candidate.scope
+        families.setdefault(alike, []).append(term)
+    for (_, joint, scope), family in families.items():
+        for gone in [*((term,) for term in family), *([tuple(family)] if len(family) > 1 else [])]:
+            others = [*(term for term in terms if term not in gone), *curves]
+            curve = comparison.curve(others, gone)
+            if curve is None or (curve.place.joint, curve.candidate.scope) != (joint, scope):
+                continue
+            gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT
+            if curve.width > sum(map(_fitted_numbers, gone)):
+                explained = max(usual - comparison.objective(others), 0.0)
+                gain -= settings.MISFIT_OF_OTHERS**2 * explained
+            if gain > most:
+                best, most = (gone, curve), gain
     return best
+
+
+def _fitted_numbers(term: Term) -> int:
+    """How many coefficients a term has, and numbers of its shape that the search moves."""
+    given = [value for name, value in vars(term.shape).items() if name not in term.effect.fixed]
+    return term.width + sum(len(value) if isinstance(value, tuple) else 1 for value in given)
 
 
 def _without_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:
