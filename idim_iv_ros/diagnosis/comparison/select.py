@@ -87,10 +87,10 @@ def select(catalogue: Catalogue, ledger: Ledger) -> Selection:
     displaced: list[tuple[Term, Term]] = []
     curves: list[Term] = []
     while (swap := _curve_in_place(comparison, terms, curves)) is not None:
-        gone, curve = swap
+        gone, in_place = swap
         terms = tuple(term for term in terms if term not in gone)
-        displaced += [(term, curve) for term in gone]
-        curves.append(curve)
+        displaced += [(term, in_place) for term in gone]
+        curves.append(in_place)
     if displaced:
         terms = refined(comparison, terms)
     while len(curves) < _MOST_CURVES:
