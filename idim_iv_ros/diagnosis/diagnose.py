@@ -82,7 +82,8 @@ def diagnose(
     UsageError, DataError
         As `identify`.
     """
-    excluded, given = tuple(without), as_paths(bags)
+    excluded = tuple(without)
+    given = as_paths(bags)
     second = as_paths(against) if against else ()
     for bag in second:
         if os.path.realpath(bag) in map(os.path.realpath, given):
