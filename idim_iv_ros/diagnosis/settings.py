@@ -23,7 +23,7 @@ CHOSEN = "chosen on the development cells"
 
 
 class _Declared:
-    """A number that knows its unit, what it decides, and where it comes from."""
+    """A number with its unit, what it decides, and origin: `CHOSEN` where none is given."""
 
     unit: str
     decides: str

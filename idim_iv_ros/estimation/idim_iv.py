@@ -106,8 +106,15 @@ class _Iteration:
             before, linear = linear, self._solve(instruments, linear.sigma)
             steps.append(self._change(before.values, linear))
             converged = steps[-1][0] <= self.tolerance
-        made = linear, self.least_squares, self.source, instruments
-        return IdimIvEstimate(*made, tuple(steps), converged, tuple(failures))
+        return IdimIvEstimate(
+            linear,
+            self.least_squares,
+            self.source,
+            instruments,
+            tuple(steps),
+            converged,
+            tuple(failures),
+        )
 
     def _as_it_is_or_scaled(self, values: FloatArray) -> Instruments:
         """Scale the gains only where the loop diverges.

@@ -89,14 +89,22 @@ def compare_results(first: FilePath, second: FilePath) -> ParameterComparison:
         raise UsageError(
             f"{second}: cannot be compared with {first}: {why}; give results of a robot"
         )
-    estimates, others = ({k: (of[k].value, of[k].std) for k in shared} for of in (before, now))
+    estimates, others = (
+        {name: (of[name].value, of[name].std) for name in shared} for of in (before, now)
+    )
     drifts = drifts_of(estimates, others, _LEVEL)
-    pairs = []
-    for drift in drifts:
-        of, words = before[drift.name], words_of_name(drift.name, results[0].joints)
-        numbers = drift.before, drift.before_std, drift.now, drift.now_std
-        about = drift.name, of.unit, of.expression, words
-        pairs.append(ParameterPair(*about, *numbers, drift.statistic, drift.drifts))
+    pairs = [
+        ParameterPair(
+            drift.name,
+            before[drift.name].unit,
+            before[drift.name].expression,
+            words_of_name(drift.name, results[0].joints),
+            *(drift.before, drift.before_std, drift.now, drift.now_std),
+            drift.statistic,
+            drift.drifts,
+        )
+        for drift in drifts
+    ]
     return ParameterComparison(
         names=(str(first), str(second)),
         robot=results[0].robot,

@@ -42,7 +42,11 @@ class Closable(Protocol):
 
 
 class CannotGoOnError(Exception):
-    """Raised in a callback from an IdimError, ends the node; its cause is printed."""
+    """Raised in a callback, ends the node; `why` is printed."""
+
+    def __init__(self, why: IdimError) -> None:
+        super().__init__(str(why))
+        self.why = why
 
 
 def run_node(
@@ -87,7 +91,7 @@ def run_node(
                 try:
                     executor.spin_once(timeout_sec=_WAIT)
                 except CannotGoOnError as error:
-                    raise error.__cause__ or error from None
+                    raise error.why from error
                 except Exception as error:  # one bad request must not end the recording
                     running.node.get_logger().error(one_line(error))
         finally:

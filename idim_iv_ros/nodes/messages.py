@@ -62,8 +62,9 @@ def diagnostic_status(
 ) -> DiagnosticStatus:
     """Return an entry for /diagnostics; `values` are written as text."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    about = {"name": name, "hardware_id": hardware, "message": sentence}
-    return DiagnosticStatus(level=level, values=pairs, **about)
+    return DiagnosticStatus(
+        level=level, name=name, hardware_id=hardware, message=sentence, values=pairs
+    )
 
 
 class Diagnostics:

@@ -100,8 +100,10 @@ def plant_stage(mujoco: Any, model: InverseModel, values: FloatArray | None = No
     parameters = robot.given if values is None else nearest_parameters(model, values)
     plant_spec(mujoco, robot, parameters)  # refuses what cannot be simulated
     effects = constant_torques(robot.joints, dict(enumerate(parameters.offset)))
-    name, found = (NOMINAL, "") if values is None else (CORRECTED, " with found parameters")
-    return StageModel(name, f"the nominal model{found}", robot, parameters, None, effects)
+    name, words = NOMINAL, "the nominal model"
+    if values is not None:
+        name, words = CORRECTED, "the nominal model with found parameters"
+    return StageModel(name, words, robot, parameters, None, effects)
 
 
 def xml_stage(

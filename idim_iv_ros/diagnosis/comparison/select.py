@@ -113,29 +113,25 @@ def _curve_in_place(
     """
     best, most = None, 0.0
     usual = comparison.objective((*terms, *curves))
-    families: dict[tuple[str, int, Scope], list[Term]] = {}
-    for term in (term for term in terms if term.is_effect):
+    effects = [term for term in terms if term.is_effect]
+    families: dict[tuple[str, int, Scope], Terms] = {}
+    for term in effects:
         alike = term.effect.family, term.place.joint, term.candidate.scope
-        families.setdefault(alike, []).append(term)
-    for (_, joint, scope), family in families.items():
-        for gone in [*((term,) for term in family), *([tuple(family)] if len(family) > 1 else [])]:
-            others = [*(term for term in terms if term not in gone), *curves]
-            curve = comparison.curve(others, gone)
-            if curve is None or (curve.place.joint, curve.candidate.scope) != (joint, scope):
-                continue
-            gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT
-            if curve.width > sum(map(_fitted_numbers, gone)):
-                explained = max(usual - comparison.objective(others), 0.0)
-                gain -= settings.MISFIT_OF_OTHERS**2 * explained
-            if gain > most:
-                best, most = (gone, curve), gain
+        families[alike] = (*families.get(alike, ()), term)
+    groups = [(term,) for term in effects] + [some for some in families.values() if len(some) > 1]
+    for gone in groups:
+        others = [*(term for term in terms if term not in gone), *curves]
+        curve = comparison.curve(others, gone)
+        where = gone[0].place.joint, gone[0].candidate.scope
+        if curve is None or (curve.place.joint, curve.candidate.scope) != where:
+            continue
+        gain = comparison.objective([*others, curve]) - usual - settings.LEAST_SUPPORT
+        if curve.width > sum(term.width + len(term.shape.numbers) for term in gone):
+            explained = max(usual - comparison.objective(others), 0.0)
+            gain -= settings.MISFIT_OF_OTHERS**2 * explained
+        if gain > most:
+            best, most = (gone, curve), gain
     return best
-
-
-def _fitted_numbers(term: Term) -> int:
-    """How many coefficients a term has, and numbers of its shape that the search moves."""
-    given = [value for name, value in vars(term.shape).items() if name not in term.effect.fixed]
-    return term.width + sum(len(value) if isinstance(value, tuple) else 1 for value in given)
 
 
 def _without_curves(ledger: Ledger, catalogue: Catalogue) -> list[FloatArray]:

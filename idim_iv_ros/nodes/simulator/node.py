@@ -100,7 +100,7 @@ class RobotSimulator(NodeProgram[SimulatorSettings]):
             topics = self._rest.result()
         except Exception as error:
             why = UsageError(f"cannot simulate: {one_line(error)}")
-            raise CannotGoOnError from error if isinstance(error, IdimError) else why
+            raise CannotGoOnError(error if isinstance(error, IdimError) else why) from error
         publishers = {
             topic.name: self.node.create_publisher(JointState, topic.name, _QUEUE)
             for topic in topics
